@@ -1,0 +1,25 @@
+"""pdjax: a stability laboratory and differentiable engine for peridynamics, in JAX.
+
+Write a material model once, for one family of bonds; get its forces, its exact Jacobian, its spectrum, its
+critical loads and their gradients. The library follows the dtype of its inputs and never touches `jax.config`:
+for signs of eigenvalues, enable float64 first, `jax.config.update("jax_enable_x64", True)`.
+"""
+
+from . import closed_forms
+from .bloch import p_wave_modulus, symbol
+from .criteria import CRITERIA, Stability, stability
+from .criteria.critical import critical_load, load_slope, stable_orders
+from .force import force_density, force_state, piola_stress, strain, strain_energy, stress
+from .influence import (
+    constant_influence,
+    cubic_spline_influence,
+    gaussian_influence,
+    inverse_distance_influence,
+    linear_influence,
+)
+from .laws import EnergyLaw, Law, LinearElastic, NeoHookean
+from .models import AbstractModel, Correspondence, PointStateModel, SethHill
+from .neighbours import Bonds, Families, Family, families, lattice_family
+from .paths import PATHS, hydrostatic, simple_shear, uniaxial_strain, uniaxial_stress
+from .points import Points, bar, cloud, cuboid, lattice, plate
+from .tangent import center_block, jacobian, jvp

@@ -1,0 +1,56 @@
+"""Errors that teach: what was wrong, what was expected, what came.
+
+Values known before tracing raise `ValueError` at once; values seen only as tracers are
+guarded by `equinox.error_if`, so that a bad number never travels on silently.
+"""
+
+from collections.abc import Sequence
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+
+def is_concrete(*trees: Any) -> bool:
+    """True if no leaf of the trees is a tracer: values can be looked at now."""
+    return not any(isinstance(leaf, jax.core.Tracer) for leaf in jax.tree.leaves(trees))
+
+
+def require(x: jax.Array, ok: Any, message: str) -> jax.Array:
+    """Return `x`; raise with `message` where `ok` is false, now if concrete, at run time if traced."""
+    if is_concrete(ok):
+        if not bool(np.all(np.asarray(ok))):
+            raise ValueError(message)
+        return x
+    return eqx.error_if(x, jnp.logical_not(jnp.all(ok)), message)
+
+
+def finite(name: str, value: Any) -> np.ndarray:
+    """`value` as a NumPy array of floats; ValueError naming it if any entry is NaN or infinite."""
+    array = np.asarray(value, dtype=float)
+    bad = np.flatnonzero(~np.isfinite(array).reshape(-1))
+    if bad.size:
+        raise ValueError(
+            f"{name} must be finite; {bad.size} of {array.size} entries are not, the first at flat index {bad[0]}"
+        )
+    return array
+
+
+def choice(name: str, value: Any, allowed: Sequence[str]) -> str:
+    """`value` if it is one of `allowed`; else ValueError listing them."""
+    if value not in allowed:
+        raise ValueError(f"{name} must be one of {', '.join(allowed)}; got {value!r}")
+    return value
+
+
+def deformation_gradient(F: Any, dim: int) -> jax.Array:
+    """`F` as a (dim, dim) array, refused where its shape is wrong, it is not finite or det F ≤ 0."""
+    F = jnp.asarray(F)
+    if F.shape != (dim, dim):
+        raise ValueError(f"F must be a ({dim}, {dim}) deformation gradient for this family; got shape {F.shape}")
+    if not jnp.issubdtype(F.dtype, jnp.floating):
+        F = F.astype(jnp.result_type(float))
+    ok = jnp.isfinite(F).all() & (jnp.linalg.det(F) > 0)
+    return require(F, ok, "F must be finite with det F > 0 (no inverted or collapsed matter)")

@@ -1,0 +1,125 @@
+"""The 1D analytic forms: diagonal, criterion, critical load; the plane wave; the singular bar.
+
+    ∂f/∂x = −(2 H (1+a)^{2m−2} / (N h²)) [ (dS/dE)(1+a)^{2m}/(4N) + (2m−1) S ],   H = Σ_{p=1}^N 1/p²
+    S = κE:   stable only if   b(a) = (1+a)^{2m}/(4N) + (2m−1) E_m(a) > 0,   E_m = ((1+a)^{2m} − 1)/(2m)
+
+b is smooth through m = 0, where it is 1/(4N) − log(1+a): both printed branches are one function. In 1D L =
+2N V is exact on the lattice, so these forms are the exact discrete ones; no slip was found in them.
+
+Symbols: h spacing, N = δ/h, κ modulus, ω = 1, u₀ amplitude, k wave number, ρ mass density.
+Source: Behzadinasab & Foster, section 4.1 (eqn:df1D), section 5.1 and section 5.4 (eqn:dispersion4).
+"""
+
+import jax.numpy as jnp
+import numpy as np
+
+from ._common import check_load, check_ratio, edge, hydrostatic_strain
+
+
+def _harmonic(N):
+    return float(np.sum(1.0 / np.arange(1, N + 1) ** 2))
+
+
+def diagonal_1d(a, m, N, stress, tangent, spacing=1.0):
+    """∂f/∂x of the discrete bar in x = (1 + a) X, for any law: the formula of the module's head.
+
+    Arguments: a (...) [-]; m (...) [-]; N whole number; stress S (...) and tangent dS/dE (...) [pressure];
+    spacing h [length]. Returns: (...) [pressure/length²]. Raises: ValueError for a, N. Source: eqn:df1D.
+    """
+    a, N = check_load(a), check_ratio(N, whole=True)
+    bracket = tangent * (1 + a) ** (2 * m) / (4 * N) + (2 * m - 1) * stress
+    return -2 * _harmonic(N) * (1 + a) ** (2 * m - 2) / (N * spacing**2) * bracket
+
+
+def bracket_1d(a, m, N):
+    """b(a) = (1+a)^{2m}/(4N) + (2m−1) E_m(a) for S = κE; the diagonal is stable where it is positive.
+
+    Arguments: a (...) [-]; m (...) [-]; N whole number. Returns: (...) [-]. Raises: ValueError for a, N.
+    Source: the two criteria after eqn:S1d, joined smoothly at m = 0.
+    """
+    a, N = check_load(a), check_ratio(N, whole=True)
+    return (1 + a) ** (2 * m) / (4 * N) + (2 * m - 1) * hydrostatic_strain(a, m)
+
+
+def critical_load_1d(m, N):
+    """The root of `bracket_1d`: (1 + a)^{−2m} = 1 + 2m/(4N(2m − 1)); unstable beyond it, away from 0.
+
+    Negative (compression) for m > 1/2, positive below; +inf where the diagonal never fails,
+    2N/(4N + 1) ≤ m ≤ 1/2.
+
+    Arguments: m (...) [-]; N whole number. Returns: (...) [-]. Raises: ValueError for N.
+    Source: the criteria after eqn:S1d; Remark 3 quotes −0.184 (m = 1, N = 1) and −0.074 (N = 3).
+    """
+    N = check_ratio(N, whole=True)
+    slope = 4 * N * (2 * jnp.asarray(m, dtype=jnp.result_type(m, float)) - 1)
+    return edge(jnp.where(slope == 0, -jnp.inf, 1 / jnp.where(slope == 0, 1.0, slope)), m)
+
+
+def dispersion_1d(k, amplitude, m, N, modulus=1.0, density=1.0, spacing=1.0):
+    """ω² of u = u₀ e^{i(kX−ωt)} at X = t = 0, S = κE: −ρu₀ω² = Σ V [S(0) + S(ξ)](Y²/ξ²)^{m−1} Y/(ω₀ξ²).
+
+    The wave enters as a complex displacement into a nonlinear law, so ω² is complex and no motion of the
+    bar: only its limit u₀ → 0 is (`dispersion_limit_1d`).
+
+    Arguments: k (...) [1/length]; amplitude u₀ ≠ 0 [length]; m scalar [-]; N whole; modulus κ [pressure];
+    density ρ; spacing h [length]. Returns: complex (...) [1/time²]. Raises: ValueError for N, amplitude =
+    0. Source: eqn:dispersion1 to eqn:dispersion4.
+    """
+    N = check_ratio(N, whole=True)
+    if isinstance(amplitude, (int, float)) and amplitude == 0:
+        raise ValueError("amplitude must not be 0; the limit is dispersion_limit_1d")
+    phase = 1j * jnp.asarray(k, dtype=jnp.result_type(k, float))[..., None]
+    xi = spacing * jnp.asarray(lattice_numbers(N), dtype=phase.real.dtype)
+
+    def stretch(at):
+        """log |Y|/|ξ| of every bond of the point at X = at, continued to complex displacements."""
+        lifted = amplitude * jnp.exp(phase[..., None] * at[:, None]) * jnp.expm1(phase[..., None] * xi)
+        return jnp.log1p(lifted / xi)
+
+    def stress(at):
+        x = 2 * m * stretch(at)
+        small = jnp.abs(x) < 1e-4  # series error 1e-16/120 relative; m = 0 lands here
+        quotient = jnp.where(small, 1 + x / 2 + x**2 / 6 + x**3 / 24, jnp.expm1(x) / jnp.where(small, 1, x))
+        return modulus * jnp.mean(stretch(at) * quotient, axis=-1)
+
+    here = jnp.zeros(1, dtype=xi.dtype)
+    log_s = stretch(here)[..., 0, :]
+    pair = stress(here) + stress(xi)
+    return -jnp.mean(pair * jnp.exp((2 * m - 1) * log_s) / xi, axis=-1) / (density * amplitude)
+
+
+def lattice_numbers(N):
+    """−N … −1, 1 … N."""
+    return np.concatenate([np.arange(-N, 0), np.arange(1, N + 1)]).astype(float)
+
+
+def dispersion_limit_1d(k, N, modulus=1.0, density=1.0, spacing=1.0):
+    """ω² as u₀ → 0, the same for every m: κ/(ρN²h²) (Σ_{p=1}^N sin(kph)/p)²; zero at k = π/h.
+
+    Arguments: k (...) [1/length]; N whole; modulus κ [pressure]; density ρ; spacing h [length].
+    Returns: (...) [1/time²]. Raises: ValueError for N. Source: limit of eqn:dispersion4 (ours).
+    """
+    N = check_ratio(N, whole=True)
+    p = np.arange(1, N + 1)
+    k = jnp.asarray(k, dtype=jnp.result_type(k, float))[..., None]
+    return modulus / (density * N**2 * spacing**2) * jnp.sum(jnp.sin(k * p * spacing) / p, axis=-1) ** 2
+
+
+def singular_bar_displacement(x, length, stress_ratio, alpha=10.0):
+    """Local small-strain solution: u = (σ/E₀) L [x/L + α √(x/L − ½)], the root only beyond x = L/2.
+
+    Arguments: x (...) [length], from the fixed end; length L; stress_ratio σ/E₀ [-]; alpha α [-].
+    Returns: (...) [length]. Source: section 5.1.
+    """
+    beyond = jnp.maximum(x / length - 0.5, 0.0)
+    return stress_ratio * length * (x / length + alpha * jnp.sqrt(beyond))
+
+
+def singular_bar_strain(x, length, stress_ratio, alpha=10.0):
+    """Local small-strain solution: ε = (σ/E₀) [1 + α/(2√(x/L − ½))], the second term only beyond x = L/2.
+
+    Also E₀/E(x) times σ/E₀. Arguments, returns [-] and source: as `singular_bar_displacement`.
+    """
+    beyond = x / length > 0.5
+    root = jnp.sqrt(jnp.where(beyond, x / length - 0.5, 1.0))
+    return stress_ratio * (1 + jnp.where(beyond, alpha / (2 * root), 0.0))

@@ -1,0 +1,128 @@
+"""Stability criteria, from cheap to decisive, behind one function.
+
+Each criterion is a function (model, family, F) → `Outcome`; a new one is a small function and a line in `CRITERIA`.
+Criteria that search a Brillouin zone take it as a fourth argument. Source of the ladder: Silling 2017 (material),
+Behzadinasab & Foster (diagonal, continuum), Born & Huang 1954 (symbol).
+"""
+
+from typing import Literal
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from .._checks import choice, deformation_gradient, is_concrete
+from ..force import check_model
+from ..models.base import AbstractModel
+from ..neighbours import Family, cells_within
+from ..zone import Zone, brillouin_zone, default_intervals
+from .continuum import continuum
+from .outcome import Outcome, Stability, margin_tolerance, verdicts
+from .point import block, diagonal, material, material_center, material_neighbour
+from .waves import affine, local, symbol
+
+CRITERIA = {
+    "diagonal": diagonal,
+    "block": block,
+    "material": material,
+    "material_center": material_center,
+    "material_neighbour": material_neighbour,
+    "symbol": symbol,
+    "affine": affine,
+    "local": local,
+    "continuum": continuum,
+}
+Criterion = Literal[
+    "diagonal",
+    "block",
+    "material",
+    "material_center",
+    "material_neighbour",
+    "symbol",
+    "affine",
+    "local",
+    "continuum",
+]
+
+
+def evaluate(
+    criterion: str, model: AbstractModel, fam: Family, F: Float[Array, "dim dim"], zone: Zone, at=None, fastest=False
+) -> Outcome:
+    """The named criterion, unjitted and unchecked: what drivers trace. `at`: an earlier `Outcome.at`, to skip the search;
+    `fastest`: "symbol" also looks for the largest eigenvalue itself."""
+    if criterion == "symbol":
+        return symbol(model, fam, F, zone, at, fastest)
+    return CRITERIA[criterion](model, fam, F, at)  # type: ignore[operator]
+
+
+def family_zone(fam: Family, symmetry: str, resolution: int | None) -> Zone:
+    """The Brillouin zone of a family; `resolution` None: the default for its reach."""
+    if resolution is None:
+        resolution = default_intervals(_reach(fam))
+    if not (isinstance(resolution, int) and resolution >= 2):
+        raise ValueError(f"resolution must be an integer >= 2 (grid intervals from 0 to π/h); got {resolution!r}")
+    return brillouin_zone(fam.dim, resolution, symmetry)
+
+
+def _reach(fam: Family) -> int:
+    """⌊N⌋, told from the number of bonds (static), for N is traced."""
+    reach = 1
+    while len(cells_within(fam.dim, reach + 1.0)) <= fam.xi.shape[0]:
+        reach += 1
+    return reach
+
+
+def kept_symmetry(F, fam: Family) -> str:
+    """The symmetry of the deformed lattice, as far as a concrete F shows it."""
+    if not fam.cubic or not is_concrete(F):
+        return "inversion"
+    F = np.asarray(F)
+    stretch = np.diag(F)
+    if (F != np.diag(stretch)).any():
+        return "inversion"
+    if (stretch == stretch[0]).all():
+        return "cubic"
+    return "tetragonal" if (stretch[1:] == stretch[1]).all() else "orthorhombic"
+
+
+@eqx.filter_jit
+def _stability(model, fam, F, criterion: str, intervals: int | None, symmetry: str) -> Stability:
+    zone = family_zone(fam, symmetry, intervals)
+    out = evaluate(criterion, model, fam, F, zone, fastest=True)
+    resolution = zone.intervals if criterion == "symbol" else None
+    tolerance = margin_tolerance(out.margin.dtype, out.scale)
+    return Stability(
+        criterion, out.margin, out.eigenvalue, out.mode, out.wave_vector, out.direction, tolerance, resolution
+    )
+
+
+def stability(
+    model: AbstractModel, fam: Family, F, criterion: Criterion = "symbol", resolution: int | None = None
+) -> Stability:
+    """Is the infinite lattice stable under the homogeneous deformation x = F X?
+
+    Arguments: F (dim, dim) [-], det F > 0; criterion one of `CRITERIA`; resolution: grid intervals from 0 to
+        π/h along each axis of the Brillouin zone ("symbol"; default 8 for each spacing of the horizon).
+    Returns: `Stability` (.verdict, .margin, .eigenvalue, .wave_vector, .mode), differentiable by the envelope theorem.
+    Raises: ValueError for an unknown criterion, det F ≤ 0, a singular family, a law without a local form.
+    """
+    choice("criterion", criterion, list(CRITERIA))
+    check_model(model, fam)
+    F = deformation_gradient(F, fam.dim)
+    return _stability(model, fam, F, criterion, resolution, kept_symmetry(F, fam))
+
+
+__all__ = [
+    "CRITERIA",
+    "Criterion",
+    "Outcome",
+    "Stability",
+    "evaluate",
+    "family_zone",
+    "kept_symmetry",
+    "margin_tolerance",
+    "stability",
+    "verdicts",
+]

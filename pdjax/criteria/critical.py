@@ -1,0 +1,220 @@
+"""Critical loads: the edge of the unstable set along a path, on one side; and the orders m at which a side turns.
+
+**Critical load.** The margin is sampled from |a| = 1e-6 to the limit (geometric near 0, then 2 % steps), the first
+unstable sample is bracketed against the one before it, the bracket split again and again, and polished by one Newton step with the
+exact derivative ∂margin/∂a. That last step is written so that its derivative in everything else is the implicit function
+theorem, da/dθ = −(∂margin/∂θ)/(∂margin/∂a). 0: unstable at once; inf: not within the limit (or no state there).
+
+**Threshold order.** At rest every half-reciprocal wave costs a Seth–Hill lattice nothing, so under a small load the sign of dλ/da at
+those points decides whether a side is unstable at once, for whatever law: `load_slope`. Its zero in m is
+`threshold_order`, the m at which the side turns.
+"""
+
+import itertools
+from typing import Literal
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import optimistix as optx
+from jaxtyping import Array, Float
+
+from .._checks import choice
+from ..bloch import homogeneous_tangent, p_wave_modulus, wave_phases
+from ..force import check_model
+from ..laws import Law
+from ..models.base import AbstractModel
+from ..models.seth_hill import SethHill
+from ..neighbours import Family
+from ..paths import Path, hydrostatic, path_symmetry
+from ..zone import Zone
+from . import CRITERIA, Criterion, evaluate, family_zone, margin_tolerance
+
+SIDES = ("negative", "positive")
+SMALLEST = 1e-6  # a side that is unstable at this load is called unstable at 0
+BATCH = 16
+SPLITS = 5  # a 2 % bracket ends at 2e-8, which one Newton step takes to rounding
+LIMITS = {"negative": 0.9, "positive": 1.0}
+
+
+def _samples(limit: float) -> np.ndarray:
+    """Loads to look at first, (batches, BATCH + 1): each batch starts with the last load of the one before, the first at 0."""
+    near = np.geomspace(SMALLEST, 0.02, 16)
+    far = np.arange(0.04, limit, 0.02)
+    sizes = np.concatenate([near[near < limit], far, [limit]])
+    sizes = np.concatenate([sizes, np.full(-len(sizes) % BATCH, limit)]).reshape(-1, BATCH)
+    return np.concatenate([np.concatenate([[0.0], sizes[:-1, -1]])[:, None], sizes], axis=1)
+
+
+def _critical(model, fam, path: Path, criterion: str, sign: float, limit: float, zone: Zone) -> Array:
+    """One loop, one trace of the criterion: batches of loads, first the samples until one is unstable, then the bracket
+    around its edge split into BATCH parts, `SPLITS` times. The maximiser found last serves the polish."""
+    real = fam.xi.dtype
+    still_model, still_fam = jax.lax.stop_gradient((model, fam))
+    samples = jnp.asarray(_samples(limit), dtype=real)
+
+    def look(size):
+        out = evaluate(criterion, still_model, still_fam, path(sign * size, still_model, still_fam), zone)
+        return out.margin > margin_tolerance(real, out.scale), out.at  # NaN (no state there) is not unstable
+
+    def batch(state):
+        number, splits, sizes, _, _ = state
+        unstable, at = jax.vmap(look)(sizes[1:])
+        hit = unstable.any()
+        i = jnp.argmax(unstable)
+        low, high = sizes[i], sizes[i + 1]
+        split = low + (high - low) * jnp.arange(BATCH + 1, dtype=real) / BATCH
+        following = jnp.where(hit, split, samples[jnp.minimum(number + 1, len(samples) - 1)])
+        at = jax.tree.map(lambda x: x[i], at)
+        return number + 1, splits + hit, following, (low, high, hit & (high > SMALLEST)), at
+
+    def go_on(state):
+        number, splits, sizes, (low, high, _), _ = state
+        searching = (splits == 0) & (number < len(samples))
+        return searching | ((splits > 0) & (splits <= SPLITS) & (high > 0.5 * SMALLEST))
+
+    _, shapes = jax.eval_shape(look, samples[0, 0])
+    blank = jax.tree.map(lambda x: jnp.zeros(x.shape, x.dtype), shapes)
+    nothing = (jnp.zeros((), real), jnp.ones((), real), jnp.zeros((), bool))
+    start = (jnp.zeros((), int), jnp.zeros((), int), samples[0], nothing, blank)
+    _, splits, _, (low, high, _), at = jax.lax.stop_gradient(jax.lax.while_loop(go_on, batch, start))
+    root = sign * high
+
+    def margin(a):
+        return evaluate(criterion, model, fam, path(a, model, fam), zone, at).margin
+
+    value, slope = jax.jvp(margin, (root,), (jnp.ones_like(root),))
+    step = value / jax.lax.stop_gradient(slope)
+    near = jnp.abs(jax.lax.stop_gradient(step)) <= 100 * (high - low) + 1e-6 * high
+    edge = root - jnp.where(near, step, step - jax.lax.stop_gradient(step))
+    at_once = high <= SMALLEST
+    return jnp.where(splits > 0, jnp.where(at_once, jnp.zeros((), real), edge), sign * jnp.inf)
+
+
+@eqx.filter_jit
+def _critical_jit(model, fam, path, criterion: str, sign: float, limit: float, resolution: int | None):
+    zone = family_zone(fam, path_symmetry(path, fam), resolution)
+    return _critical(model, fam, path, criterion, sign, limit, zone)
+
+
+def critical_load(
+    model: AbstractModel,
+    fam: Family,
+    path: Path = hydrostatic,
+    criterion: Criterion = "symbol",
+    side: Literal["negative", "positive"] = "negative",
+    limit: float | None = None,
+    resolution: int | None = None,
+) -> Float[Array, ""]:
+    """Where the lattice first becomes unstable along a load path, starting from rest.
+
+    Arguments: path (a, model, fam) → F; criterion one of `CRITERIA`; side of a; limit: how far |a| is followed
+        [-] (default 0.9 negative, 1.0 positive); resolution as in `stability`.
+    Returns: a_cr [-], differentiable in model and fam. 0 where the side is unstable at |a| = 1e-6 already,
+        ±inf where it is not within the limit. Unstable windows narrower than the sampling step (2 %) can be missed.
+    Raises: ValueError for an unknown criterion or side, a limit not in (1e-6, 1) on the negative side.
+    """
+    choice("criterion", criterion, list(CRITERIA))
+    choice("side", side, SIDES)
+    if not callable(path):
+        raise ValueError(f"path must be a function (a, model, fam) -> F, such as pd.hydrostatic; got {path!r}")
+    limit = LIMITS[side] if limit is None else limit
+    if not (2 * SMALLEST < limit < (1.0 if side == "negative" else np.inf)):
+        raise ValueError(f"limit must lie between 2e-6 and 1 (negative side) or be finite (positive); got {limit}")
+    check_model(model, fam)
+    sign = -1.0 if side == "negative" else 1.0
+    return _critical_jit(model, fam, path, criterion, sign, float(limit), resolution)
+
+
+def half_reciprocal_points(dim: int) -> np.ndarray:
+    """The 2^dim − 1 wave vectors with components 0 or π, in units of 1/spacing."""
+    corners = itertools.product((0.0, np.pi), repeat=dim)
+    return np.array([k for k in corners if any(k)])
+
+
+def load_slope(
+    model: AbstractModel, fam: Family, path: Path = hydrostatic, side: Literal["negative", "positive"] = "positive"
+) -> Float[Array, ""]:
+    """How fast a load destabilises the half-reciprocal waves that cost nothing at rest.
+
+    Returns: max over those points of dλ_max/d|a| at a = 0, over M κ² [-]; positive: the side is unstable at once;
+        −inf if no such wave is free of energy at rest.
+    """
+    choice("side", side, SIDES)
+    check_model(model, fam)
+    sign = -1.0 if side == "negative" else 1.0
+    M = p_wave_modulus(model, fam)
+    k = jnp.asarray(half_reciprocal_points(fam.dim), dtype=fam.xi.dtype) / fam.spacing
+    phases = wave_phases(fam, k)
+
+    def blocks(size):
+        J = homogeneous_tangent(model, fam, path(sign * size, model, fam))(phases)
+        return (J + J.mT) / 2 / (M * phases.kappa2)[:, None, None]
+
+    rest, rate = jax.jvp(blocks, (jnp.zeros((), fam.xi.dtype),), (jnp.ones((), fam.xi.dtype),))
+    values, vectors = jnp.linalg.eigh(jax.lax.stop_gradient(rest))
+    free = jnp.abs(values) < margin_tolerance(rest.dtype)
+    inner = vectors.mT @ rate @ vectors
+    inner = jnp.where(free[:, :, None] & free[:, None, :], inner, 0.0)
+    inner = inner - 1e9 * jnp.eye(fam.dim) * jnp.where(free, 0.0, 1.0)[:, :, None]
+    value, mode = jnp.linalg.eigh(jax.lax.stop_gradient(inner))
+    worst = jnp.argmax(value[:, -1])
+    v = mode[worst, :, -1]
+    return jnp.where(free.any(), v @ inner[worst] @ v, -jnp.inf)
+
+
+@eqx.filter_jit
+def _stable_orders(fam, law, path, side: str, bound: float) -> tuple[Array, Array]:
+    real = fam.xi.dtype
+
+    def slope(m, _=None):
+        return load_slope(SethHill(m, law), fam, path, side)
+
+    def narrow(interval, _):
+        low, high = interval
+        m = low + (high - low) * jnp.linspace(0, 1, 33, dtype=real)
+        i = jnp.argmin(jax.vmap(slope)(m))
+        step = (high - low) / 32
+        return (jnp.maximum(low, m[i] - step), jnp.minimum(high, m[i] + step)), None
+
+    edge = jnp.asarray(bound, real)
+    (low, high), _ = jax.lax.scan(narrow, (-edge, edge), length=6)
+    middle = (low + high) / 2
+    deepest = slope(middle)
+    eps = float(jnp.finfo(real).eps)
+
+    def side_of(end):
+        crosses = (deepest < 0) & (slope(end) > 0)
+        lower, upper = jnp.minimum(end, middle), jnp.maximum(end, middle)
+        root = optx.root_find(
+            lambda m, _: jnp.where(crosses, slope(m), m - (lower + upper) / 2),
+            optx.Bisection(rtol=8 * eps, atol=8 * eps),
+            (lower + upper) / 2,
+            options={"lower": lower, "upper": upper},
+            max_steps=80,
+            throw=False,
+        ).value
+        return jnp.where(deepest < 0, jnp.where(crosses, root, jnp.sign(end) * jnp.inf), jnp.nan)
+
+    ends = jax.vmap(side_of)(jnp.stack([-edge, edge]))
+    return ends[0], ends[1]
+
+
+def stable_orders(
+    fam: Family,
+    law: Law,
+    path: Path = hydrostatic,
+    side: Literal["negative", "positive"] = "positive",
+    bound: float = 20.0,
+) -> tuple[Float[Array, ""], Float[Array, ""]]:
+    """The interval (low, high) of orders m [-] for which a side of a path is not unstable at once, for Seth–Hill.
+
+    At rest Z is linear in the load whatever m, and each bond's block is linear in m: `load_slope` is convex in m,
+    so the orders where it is negative form one interval; ±inf where it has no end within ±bound, NaN if it is empty.
+    Under hydrostatic load the ends do not depend on the law. Raises: ValueError as `load_slope`.
+    """
+    choice("side", side, SIDES)
+    if not (np.isfinite(bound) and bound > 0):
+        raise ValueError(f"bound must be finite and > 0; got {bound}")
+    return _stable_orders(fam, law, path, side, float(bound))

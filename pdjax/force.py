@@ -1,0 +1,151 @@
+"""Forces and energies of bodies and of single families.
+
+    f_i = Σ_j [t(A_i, A_j, bond) − t(A_j, A_i, −bond)] V_j = −(1/V_i) ∂Π/∂u_i,   Π = Σ_i V_i W_i
+
+Only the point state A travels between points. A model without one gives its force state T for the whole
+family, and f_i = Σ_j (T_ij − T_ji) V_j takes T_ji through the reverse-bond index; the two agree where a model has both.
+
+A model's constants may vary from point to point: a leaf whose first axis is as long as the body has points.
+"""
+
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from ._checks import deformation_gradient, is_concrete
+from .models.base import AbstractModel, PointStateModel
+from .neighbours import Bonds, Families, Family
+
+_SINGULAR = 1e-10  # smallest / largest eigenvalue of a usable shape tensor (rounding of an exactly singular one: 1e-16)
+
+
+def _split(model: AbstractModel, points: int) -> tuple[Any, Any]:
+    """(leaves that vary from point to point, everything else)."""
+    return eqx.partition(model, lambda leaf: eqx.is_array(leaf) and leaf.ndim > 0 and leaf.shape[0] == points)
+
+
+def _each_point(method: str, model: AbstractModel, bonds: Bonds) -> Any:
+    """model.method(bonds) at every point, with that point's own constants."""
+    varying, shared = _split(model, bonds.xi.shape[0])
+    return jax.vmap(lambda mine, b: getattr(eqx.combine(mine, shared), method)(b))(varying, bonds)
+
+
+def check_model(model: AbstractModel, fams: Family | Families) -> None:
+    """Refuse a family whose shape tensor the model needs and can't invert, with the point's index.
+
+    Looks at values, so it does nothing under a transformation; every public function calls it first.
+    """
+    if not isinstance(model, AbstractModel):
+        raise ValueError(f"model must be a pdjax model such as SethHill or Correspondence; got {model!r}")
+    if not is_concrete(fams, model):
+        return
+    with jax.ensure_compile_time_eval():  # the values are known here even while something else is traced
+        _refuse_singular(model, fams)
+
+
+def _refuse_singular(model: AbstractModel, fams: Family | Families) -> None:
+    single = isinstance(fams, Family)
+    if single:
+        bonds = jax.tree.map(lambda x: x[None], fams.bonds(jnp.eye(fams.dim, dtype=fams.xi.dtype)))
+    else:
+        bonds = fams.bonds(jnp.zeros((len(fams), fams.dim), fams.xi.dtype))
+    if model.shape_tensor(jax.tree.map(lambda x: x[0], bonds)) is None:
+        return
+    tensors = np.asarray(jax.jit(jax.vmap(model.shape_tensor))(bonds), dtype=float)
+    values = np.linalg.eigvalsh((tensors + tensors.mT) / 2)
+    bad = ~(values[:, 0] > _SINGULAR * values[:, -1])
+    if bad.any():
+        i = int(np.argmax(bad))
+        count = int((bonds.omega[i] > 0).sum())
+        where = "this lattice family" if single else f"the family of point {i} ({int(bad.sum())} such points)"
+        raise ValueError(
+            f"{type(model).__name__} needs an invertible shape tensor, and that of {where} is singular: its {count}"
+            " bonds do not span enough directions; take a larger horizon or another model"
+        )
+
+
+def _displacement(u, fams: Families) -> Array:
+    u = jnp.asarray(u)
+    if u.shape != (len(fams), fams.dim):
+        raise ValueError(f"u must have shape (points, dim) = ({len(fams)}, {fams.dim}); got {u.shape}")
+    if is_concrete(u):
+        bad = np.flatnonzero(~np.isfinite(np.asarray(u)).all(axis=1))
+        if bad.size:
+            raise ValueError(f"u must be finite; {bad.size} points are not, the first is point {bad[0]}")
+    return u if jnp.issubdtype(u.dtype, jnp.inexact) else u.astype(fams.xi.dtype)
+
+
+def body_bonds(model: AbstractModel, fams: Families, u, F=None) -> Bonds:
+    """The checked bonds of a body under u on top of the mean deformation F."""
+    check_model(model, fams)
+    return fams.bonds(_displacement(u, fams), None if F is None else deformation_gradient(F, fams.dim))
+
+
+def force_state(model: AbstractModel, fam: Family, F) -> Float[Array, "bonds dim"]:
+    """T of one lattice family under the homogeneous deformation x = F X.
+
+    Arguments: F (dim, dim) [-], det F > 0.  Returns: (bonds, dim) [force/length^(2 dim)].
+    Raises: ValueError for det F ≤ 0, NaN, or a family whose shape tensor the model can't invert.
+    """
+    check_model(model, fam)
+    return model.force_state(fam.bonds(deformation_gradient(F, fam.dim)))
+
+
+def piola_stress(model: AbstractModel, fam: Family, F) -> Float[Array, "dim dim"]:
+    """P = Σ V T⊗ξ = ∂W/∂F over affine maps [pressure]: the first Piola–Kirchhoff stress of a homogeneous state."""
+    bonds = fam.bonds(jnp.asarray(F))
+    return jnp.einsum("b,bi,bj->ij", bonds.volume, model.force_state(bonds), bonds.xi)
+
+
+def _force_by_state(model: PointStateModel, fams: Families, bonds: Bonds) -> Float[Array, "points dim"]:
+    varying, shared = _split(model, len(fams))
+    state = _each_point("point_state", model, bonds)
+    j = fams.neighbours
+    other_state, other_constants = jax.tree.map(lambda x: x[j], (state, varying))
+
+    def one(constants, here, there, bond):
+        return eqx.combine(constants, shared).bond_force(here, there, bond)
+
+    there = other_state if model.needs_other_end else state
+    axis = 0 if model.needs_other_end else None
+    out = jax.vmap(jax.vmap(one, (None, None, axis, 0)))(varying, state, there, bonds)
+    # at the far end, "here" is the neighbour's state and "there" is this point's
+    back = jax.vmap(jax.vmap(one, (0, 0, None, 0)))(other_constants, other_state, state, fams.reversed(bonds))
+    return jnp.einsum("pb,pbi->pi", bonds.volume, out - back)
+
+
+def _force_by_family(model: AbstractModel, fams: Families, bonds: Bonds) -> Float[Array, "points dim"]:
+    T = _each_point("force_state", model, bonds)
+    return jnp.einsum("pb,pbi->pi", bonds.volume, T - T[fams.neighbours, fams.reverse])
+
+
+def force_density(model: AbstractModel, fams: Families, u, F=None) -> Float[Array, "points dim"]:
+    """Net internal force density f of every point.
+
+    Arguments: u (points, dim) [length]; F (dim, dim) an optional mean deformation under it, for periodic
+        bodies: η = (F − I) ξ + u_j − u_i.
+    Returns: (points, dim) [force/length^dim].
+    Raises: ValueError for wrong shapes, NaN, or a point whose family is too poor for the model (with its index).
+    """
+    bonds = body_bonds(model, fams, u, F)
+    by_state = isinstance(model, PointStateModel)
+    return (_force_by_state if by_state else _force_by_family)(model, fams, bonds)  # type: ignore[arg-type]
+
+
+def strain_energy(model: AbstractModel, fams: Families, u, F=None) -> Float[Array, ""]:
+    """Π = Σ_i V_i W_i [energy] of a body; arguments and errors as `force_density`."""
+    return jnp.dot(fams.volumes, _each_point("energy", model, body_bonds(model, fams, u, F)))
+
+
+def strain(model: AbstractModel, fams: Families, u, F=None) -> Float[Array, "points dim dim"]:
+    """The model's own strain at every point [-]: Ē_m for Seth–Hill, else Green–Lagrange of F̄."""
+    return _each_point("strain", model, body_bonds(model, fams, u, F))
+
+
+def stress(model: AbstractModel, fams: Families, u, F=None) -> Float[Array, "points dim dim"]:
+    """The law's own stress at every point [pressure]: S = ∂Ψ/∂E for a law in E, P = ∂ψ/∂F for a law in F."""
+    return _each_point("stress", model, body_bonds(model, fams, u, F))

@@ -1,0 +1,40 @@
+"""Influence functions ω(r, δ): how much a bond of reference length r counts in a family of horizon δ.
+
+An influence function is any callable of (r, δ) → ω ≥ 0, traced by JAX; being a function of the distance
+alone it is even, ω(ξ) = ω(−ξ), and as symmetric as the lattice. Give it parameters with
+`functools.partial`: they are traced and differentiable too, e.g. `partial(gaussian_influence, width=w)`.
+
+    q = r/δ    constant 1 · inverse distance 1/q · linear 1 − q · Gaussian exp(−(q/width)²)
+    cubic spline: 1 − 6q² + 6q³ for q ≤ ½, 2(1 − q)³ beyond (C², zero at the horizon)
+
+Source: Silling & Askari 2005 and Seleson & Parks 2011 for the common choices; Monaghan 1992 for the spline.
+"""
+
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+
+def constant_influence(r: Float[Array, "..."], horizon) -> Float[Array, "..."]:
+    """ω = 1 [-]; r and horizon in [length]."""
+    return jnp.ones_like(r)
+
+
+def inverse_distance_influence(r: Float[Array, "..."], horizon) -> Float[Array, "..."]:
+    """ω = δ/r [-]; r and horizon in [length]."""
+    return horizon / r
+
+
+def linear_influence(r: Float[Array, "..."], horizon) -> Float[Array, "..."]:
+    """ω = 1 − r/δ [-], zero at the horizon; r and horizon in [length]."""
+    return jnp.maximum(1 - r / horizon, 0)
+
+
+def cubic_spline_influence(r: Float[Array, "..."], horizon) -> Float[Array, "..."]:
+    """ω = the cubic B-spline scaled to 1 at r = 0 [-], zero at the horizon; r and horizon in [length]."""
+    q = jnp.minimum(r / horizon, 1)
+    return jnp.where(q <= 0.5, 1 - 6 * q**2 + 6 * q**3, 2 * (1 - q) ** 3)
+
+
+def gaussian_influence(r: Float[Array, "..."], horizon, width=0.5) -> Float[Array, "..."]:
+    """ω = exp(−(r/(width·δ))²) [-], cut off at the horizon; width is a fraction of the horizon [-]."""
+    return jnp.exp(-((r / (width * horizon)) ** 2))

@@ -1,0 +1,241 @@
+"""Families: the bonds that end at a point, for one lattice point or for every point of a body.
+
+A **bond** is the record (ξ, η, ω, V): reference vector ξ = X_j − X_i, relative displacement
+η = u_j − u_i (never positions: no cancellation at tiny strain), influence ω and volume V_j of the
+neighbour. Its deformed image is Y = ξ + η. The weight β ∈ [0, 1] of a bond (partial volume, damage) is folded into ω,
+so every model honours it; with T = (1/V_j) ∂W/∂Y_j the force density stays the exact
+gradient of the energy for any weights, even ones that differ between the two directions of a bond.
+
+A family holds the points with |ξ| ≤ δ(1 + 1e-9): ties do not depend on rounding. On a lattice it is in
+centro-symmetric order: bond b and bond b + bonds/2 are opposite.
+
+A padded neighbour of a body's family is the point itself with weight 0 and any non-zero reference vector:
+its strain is finite, its weight kills it, and every derivative is finite, without a `where`.
+"""
+
+import itertools
+import math
+from collections.abc import Callable
+from typing import NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int
+from scipy.spatial import cKDTree
+
+from ._checks import is_concrete, require
+from .influence import constant_influence
+from .points import Points
+
+TIE = 1e-9  # relative slack of the horizon
+
+
+class Bonds(NamedTuple):
+    """The bonds of one family (or, with leading axes, of many): what a model sees."""
+
+    xi: Float[Array, "*points bonds dim"]
+    eta: Float[Array, "*points bonds dim"]
+    omega: Float[Array, "*points bonds"]
+    volume: Float[Array, "*points bonds"]
+
+
+def _influence(influence: Callable, r: Array, horizon) -> Array:
+    omega = jnp.broadcast_to(jnp.asarray(influence(r, horizon), dtype=r.dtype), r.shape)
+    ok = jnp.isfinite(omega).all() & (omega >= 0).all() & (omega > 0).any()
+    name = getattr(influence, "__name__", type(influence).__name__)
+    return require(omega, ok, f"influence {name} must be finite, nowhere negative and not zero everywhere")
+
+
+def _weight(weight, shape) -> Array:
+    weight = jnp.broadcast_to(jnp.asarray(weight, dtype=jnp.result_type(float)), shape)
+    return require(weight, (weight >= 0).all() & (weight <= 1).all(), "bond weights must lie in [0, 1]")
+
+
+class Family(eqx.Module):
+    """One interior family of a uniform lattice. Lengths share the unit of `spacing`.
+
+    xi (bonds, dim), influence ω (bonds,), weight β (bonds,), horizon, spacing: all traced.
+    `cubic` is True while the weights have the full symmetry of the lattice.
+    """
+
+    xi: Float[Array, "bonds dim"]
+    influence: Float[Array, " bonds"]
+    weight: Float[Array, " bonds"]
+    horizon: Float[Array, ""]
+    spacing: Float[Array, ""]
+    cubic: bool = eqx.field(static=True, default=True)
+
+    @property
+    def dim(self) -> int:
+        return self.xi.shape[1]
+
+    def bonds(self, F: Float[Array, "dim dim"]) -> Bonds:
+        """The bonds of the family under the homogeneous deformation x = F X: η = (F − I) ξ."""
+        eta = self.xi @ (F - jnp.eye(self.dim, dtype=F.dtype)).T
+        volume = jnp.broadcast_to(self.spacing**self.dim, self.influence.shape)
+        return Bonds(self.xi, eta, self.influence * self.weight, volume)
+
+    def with_weight(self, weight: Float[Array, " bonds"]) -> "Family":
+        """The family with bond weights β ∈ [0, 1]; opposite bonds must weigh the same (one bond, two ends)."""
+        weight = _weight(weight, self.influence.shape)
+        half = weight.shape[0] // 2
+        even = jnp.abs(weight[:half] - weight[half:]) <= 1e-12
+        weight = require(weight, even, "weights of a lattice family must be even: weight[b] == weight[b + bonds/2]")
+        return Family(self.xi, self.influence, weight, self.horizon, self.spacing, cubic=False)
+
+
+def cells_within(dim: int, N: float) -> np.ndarray:
+    """Integer offsets (bonds, dim) of the lattice points within N spacings, in lexicographic order."""
+    reach = int(N * (1 + TIE))
+    cells = np.array(list(itertools.product(range(-reach, reach + 1), repeat=dim)))
+    square = (cells**2).sum(axis=1)
+    return cells[(square > 0) & (square <= (N * (1 + TIE)) ** 2)]
+
+
+def lattice_family(dim: int, N: float, spacing=1.0, influence: Callable = constant_influence) -> Family:
+    """The family of an interior point of a uniform lattice, horizon δ = N · spacing.
+
+    Arguments: dim 1, 2 or 3; N horizon over spacing [-], ≥ 1, not traced; spacing [length];
+        influence a callable (r, δ) → ω ≥ 0 (see `pdjax.influence`).
+    Returns: `Family` in centro-symmetric order.
+    Raises: ValueError for dim, N, spacing or an influence that is negative or zero everywhere.
+    """
+    if dim not in (1, 2, 3):
+        raise ValueError(f"dim must be 1, 2 or 3; got {dim!r}")
+    if not (math.isfinite(N) and N * (1 + TIE) >= 1):
+        raise ValueError(f"N (horizon / spacing) must be finite and >= 1, or a family has no bonds; got {N}")
+    spacing = jnp.asarray(spacing, dtype=jnp.result_type(float))
+    spacing = require(spacing, jnp.isfinite(spacing) & (spacing > 0), f"spacing must be finite and > 0; got {spacing}")
+    cells = cells_within(dim, N)
+    first = cells[len(cells) // 2 :]  # lexicographic order: the second half is the mirror of the first
+    first = first[np.lexsort((*first.T[::-1], (first**2).sum(axis=1)))]
+    xi = jnp.asarray(np.concatenate([first, -first]), dtype=spacing.dtype) * spacing
+    horizon = N * spacing
+    omega = _influence(influence, jnp.linalg.norm(xi, axis=1), horizon)
+    return Family(xi, omega, jnp.ones_like(omega), horizon, spacing)
+
+
+class Families(eqx.Module):
+    """The families of every point of a body, as arrays padded to the largest family.
+
+    neighbours (points, bonds): index j of the neighbour; reverse (points, bonds): the slot of i in j's family.
+    xi (points, bonds, dim), influence and weight (points, bonds), volumes (points,), horizon.
+    `count` (points,) is the number of true bonds. `shape`, `spacing` are kept from a lattice.
+    """
+
+    neighbours: Int[Array, "points bonds"]
+    reverse: Int[Array, "points bonds"]
+    xi: Float[Array, "points bonds dim"]
+    influence: Float[Array, "points bonds"]
+    weight: Float[Array, "points bonds"]
+    volumes: Float[Array, " points"]
+    count: Int[Array, " points"]
+    horizon: Float[Array, ""]
+    spacing: float | None = eqx.field(static=True, default=None)
+    shape: tuple[int, ...] | None = eqx.field(static=True, default=None)
+
+    @property
+    def dim(self) -> int:
+        return self.xi.shape[2]
+
+    def __len__(self) -> int:
+        return self.xi.shape[0]
+
+    def bonds(self, u: Float[Array, "points dim"], F: Float[Array, "dim dim"] | None = None) -> Bonds:
+        """All bonds under the displacement u [length] on top of the mean deformation F (None: identity)."""
+        eta = u[self.neighbours] - u[:, None, :]
+        if F is not None:
+            eta = eta + self.xi @ (F - jnp.eye(self.dim, dtype=self.xi.dtype)).T
+        return Bonds(self.xi, eta, self.influence * self.weight, self.volumes[self.neighbours])
+
+    def reversed(self, bonds: Bonds) -> Bonds:
+        """Every bond as seen from its other end: (−ξ, −η, ω_ji, V_i)."""
+        omega = bonds.omega[self.neighbours, self.reverse]
+        volume = jnp.broadcast_to(self.volumes[:, None], omega.shape)
+        return Bonds(-bonds.xi, -bonds.eta, omega, volume)
+
+    def with_weight(self, weight: Float[Array, "points bonds"]) -> "Families":
+        """The families with bond weights β ∈ [0, 1] times the present ones (padding stays 0)."""
+        weight = _weight(weight, self.weight.shape)
+        return eqx.tree_at(lambda f: f.weight, self, self.weight * weight)
+
+
+def _directed_pairs(body: Points, radius: float) -> tuple[np.ndarray, np.ndarray]:
+    """All pairs i < j nearer than `radius`; refuses duplicates and boxes smaller than two horizons."""
+    box = None
+    X = body.positions
+    if body.period is not None:
+        period = np.array(body.period)
+        if (period <= 2 * radius).any():
+            raise ValueError(
+                f"a periodic box must be longer than two horizons ({2 * radius:g}), or a point meets a neighbour"
+                f" twice; got box lengths {body.period}"
+            )
+        box = np.where(np.isfinite(period), period, 0.0)  # cKDTree: 0 means not periodic
+        X = np.where(box > 0, np.mod(X, np.where(box > 0, box, 1.0)), X)
+    tree = cKDTree(X, boxsize=box)
+    near = tree.query_pairs(1e-9 * radius, output_type="ndarray")
+    if len(near):
+        i, j = near[0]
+        raise ValueError(f"positions must be distinct; points {i} and {j} coincide ({len(near)} such pairs)")
+    pairs = tree.query_pairs(radius, output_type="ndarray")
+    return pairs[:, 0], pairs[:, 1]
+
+
+def families(body: Points, horizon: float, influence: Callable = constant_influence) -> Families:
+    """Find every family of a body (cKDTree) and pad them into arrays.
+
+    Arguments: body of any dim; horizon δ [length]; influence (r, δ) → ω ≥ 0.
+    Raises: ValueError for a horizon that is not finite or below the lattice spacing, duplicate points,
+        a point without neighbours, a periodic box not longer than two horizons, a bad influence.
+    """
+    if not isinstance(body, Points):
+        raise ValueError(f"body must be Points (lattice, bar, plate, cuboid, cloud); got {type(body).__name__}")
+    if not is_concrete(horizon):
+        raise ValueError("horizon decides who is whose neighbour, so it can't be traced; pass a plain number")
+    horizon = float(horizon)
+    least = 0.0 if body.spacing is None else body.spacing / (1 + TIE)
+    if not (math.isfinite(horizon) and horizon > 0 and horizon >= least):
+        raise ValueError(f"horizon must be finite, > 0 and at least one spacing ({body.spacing}); got {horizon}")
+    points = len(body)
+    lower, upper = _directed_pairs(body, horizon * (1 + TIE))
+    i, j = np.concatenate([lower, upper]), np.concatenate([upper, lower])
+    count = np.bincount(i, minlength=points)
+    if (count == 0).any():
+        raise ValueError(
+            f"every point needs a neighbour within the horizon {horizon:g}; point {int(np.argmin(count))} has"
+            f" none ({int((count == 0).sum())} such points)"
+        )
+    order = np.lexsort((j, i))
+    slot = np.empty(len(i), dtype=np.int64)
+    slot[order] = np.arange(len(i)) - np.repeat(np.cumsum(count) - count, count)
+    opposite = np.roll(np.arange(len(i)), len(lower))  # directed bond p runs back along p + pairs
+
+    width = int(count.max())
+    neighbours = np.broadcast_to(np.arange(points)[:, None], (points, width)).copy()
+    reverse = np.broadcast_to(np.arange(width)[None, :], (points, width)).copy()
+    xi = np.zeros((points, width, body.dim))
+    xi[..., 0] = horizon
+    weight = np.zeros((points, width))
+    vectors = body.positions[j] - body.positions[i]
+    if body.period is not None:
+        period = np.array(body.period)
+        vectors -= np.where(np.isfinite(period), period, 0.0) * np.round(vectors / period)
+    neighbours[i, slot], reverse[i, slot], xi[i, slot], weight[i, slot] = j, slot[opposite], vectors, 1.0
+
+    real = jnp.result_type(float)
+    delta = jnp.asarray(horizon, dtype=real)
+    omega = _influence(influence, jnp.asarray(np.linalg.norm(xi, axis=-1), dtype=real), delta)
+    return Families(
+        jnp.asarray(neighbours, dtype=jnp.int32),
+        jnp.asarray(reverse, dtype=jnp.int32),
+        jnp.asarray(xi, dtype=real),
+        omega,
+        jnp.asarray(weight, dtype=real),
+        jnp.asarray(body.volumes, dtype=real),
+        jnp.asarray(count, dtype=jnp.int32),
+        delta,
+        body.spacing,
+        body.shape,
+    )

@@ -1,0 +1,95 @@
+"""Load paths: one number a → a homogeneous deformation F(a), with F(0) = I.
+
+A path is any function (a, model, fam) → F (dim, dim), traced by JAX. Its attribute `symmetry` (default "inversion")
+says what the deformed cubic lattice keeps, and so how far the Brillouin zone can be folded.
+
+    hydrostatic      F = (1 + a) I
+    uniaxial strain  F = diag(1 + a, 1, 1)
+    uniaxial stress  F = diag(1 + a, b, b), b solved so that the lateral stress P₂₂ of the model on this family is 0
+    simple shear     F = I + a e₁⊗e₂
+"""
+
+from collections.abc import Callable
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import optimistix as optx
+from jaxtyping import Array, Float
+
+from .force import piola_stress
+from .models.base import AbstractModel
+from .neighbours import Family
+
+Path = Callable[[Any, AbstractModel, Family], Float[Array, "dim dim"]]
+
+
+def _keeps(symmetry: str):
+    def mark(path):
+        path.symmetry = symmetry
+        return path
+
+    return mark
+
+
+@_keeps("cubic")
+def hydrostatic(a, model: AbstractModel, fam: Family) -> Float[Array, "dim dim"]:
+    """F = (1 + a) I; a > −1 is the stretch minus one [-]."""
+    return (1 + a) * jnp.eye(fam.dim, dtype=fam.xi.dtype)
+
+
+@_keeps("tetragonal")
+def uniaxial_strain(a, model: AbstractModel, fam: Family) -> Float[Array, "dim dim"]:
+    """F = diag(1 + a, 1, 1): no lateral motion."""
+    return jnp.eye(fam.dim, dtype=fam.xi.dtype).at[0, 0].add(a)
+
+
+@_keeps("tetragonal")
+def uniaxial_stress(a, model: AbstractModel, fam: Family) -> Float[Array, "dim dim"]:
+    """F = diag(1 + a, b, b) with the lateral Piola stress zero (Newton; NaN where it finds no state)."""
+    if fam.dim == 1:
+        return uniaxial_strain(a, model, fam)
+    lateral = jnp.eye(fam.dim, dtype=fam.xi.dtype).at[0, 0].set(0)
+
+    def stretched(log_b, a):
+        return uniaxial_strain(a, model, fam) + jnp.expm1(log_b) * lateral
+
+    def lateral_stress(log_b, a, model, fam):
+        return piola_stress(model, fam, stretched(log_b, a))[1, 1]
+
+    eps = float(jnp.finfo(fam.xi.dtype).eps)
+    still = jax.lax.stop_gradient((a, model, fam))
+    found = optx.root_find(
+        lambda log_b, _: lateral_stress(log_b, *still),
+        optx.Newton(rtol=64 * eps, atol=64 * eps),
+        jnp.zeros((), fam.xi.dtype),
+        max_steps=50,
+        throw=False,
+    )
+    exists = found.result == optx.RESULTS.successful
+    at = jnp.where(exists, found.value, 0.0)
+    # one more Newton step, written so that its derivative is the implicit function theorem's
+    value, slope = jax.jvp(lambda log_b: lateral_stress(log_b, a, model, fam), (at,), (jnp.ones_like(at),))
+    log_b = jnp.where(exists, at - value / jax.lax.stop_gradient(slope), jnp.nan)
+    return stretched(log_b, a)
+
+
+@_keeps("inversion")
+def simple_shear(a, model: AbstractModel, fam: Family) -> Float[Array, "dim dim"]:
+    """F = I + a e₁⊗e₂ (dim 2 or 3); a is the amount of shear [-]."""
+    if fam.dim == 1:
+        raise ValueError("simple_shear needs dim 2 or 3; this family has dim 1")
+    return jnp.eye(fam.dim, dtype=fam.xi.dtype).at[0, 1].add(a)
+
+
+PATHS: dict[str, Path] = {
+    "hydrostatic": hydrostatic,
+    "uniaxial-strain": uniaxial_strain,
+    "uniaxial-stress": uniaxial_stress,
+    "simple-shear": simple_shear,
+}
+
+
+def path_symmetry(path: Path, fam: Family) -> str:
+    """What the lattice keeps along `path`; only inversion if the family's own weights are not cubic."""
+    return getattr(path, "symmetry", "inversion") if fam.cubic else "inversion"

@@ -1,0 +1,128 @@
+"""The search over the Brillouin zone: where is a symbol's largest eigenvalue, or its largest quotient by M κ²?
+
+1. **Grid**: `intervals` steps from 0 to π/h along each axis, so that every half-reciprocal point (components 0 or
+   π/h) is on it exactly, reduced by the symmetry that the deformed lattice keeps. Closed-form eigenvalues of the d × d blocks
+   screen it: they lose half the digits at a double root, so they only choose where to look.
+2. **Starts**: the best grid point nearest to each half-reciprocal point (for each sign of k), so that a narrow
+   maximum by one of them is not hidden by a higher one elsewhere; moved off the grid, for half-reciprocal points are
+   stationary by symmetry and may be saddles.
+3. **Refinement**: maximise eᵀA(k)e / eᵀe over k and e together: smooth even where eigenvalues cross, which λ_max(k) is
+   not. BFGS (optimistix) on exact derivatives, all starts batched.
+4. **Decision**: `eigh` at the best point found, on the grid or off it.
+
+The limit k → 0 is searched the same way over directions.
+"""
+
+from collections.abc import Callable
+from functools import lru_cache
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import optimistix as optx
+from jaxtyping import Array, Float
+
+SYMMETRIES = ("cubic", "tetragonal", "orthorhombic", "inversion")
+
+
+class Zone(NamedTuple):
+    """The reduced grid of a Brillouin zone, in units of 1/spacing, without k = 0; NumPy, fixed at trace time."""
+
+    grid: np.ndarray  # (waves, dim)
+    members: np.ndarray  # (classes, most) indices of the grid points of each class, padded with its first
+    step: float
+    intervals: int
+    symmetry: str
+
+
+def default_intervals(N: float) -> int:
+    """Grid intervals over [0, π/h] for horizon ratio N: 8 a bond length, about 4 for each harmonic of Ĵ (up to 2N)."""
+    return 8 * int(np.ceil(N - 1e-9))
+
+
+@lru_cache(maxsize=64)
+def brillouin_zone(dim: int, intervals: int, symmetry: str = "inversion") -> Zone:
+    """The grid, reduced by what the deformed lattice keeps of the cubic symmetry.
+
+    symmetry: "cubic" (F a multiple of I), "tetragonal" (F diagonal, all but the first stretch equal), "orthorhombic"
+    (F diagonal), "inversion" (any F: Ĵ(−k) = Ĵ(k)).
+    """
+    steps = np.arange(intervals + 1)
+    whole = np.arange(-intervals + 1, intervals + 1) if symmetry == "inversion" else steps
+    axes = [steps] + [whole] * (dim - 1)
+    index = np.stack([g.reshape(-1) for g in np.meshgrid(*axes, indexing="ij")], axis=1)
+    ordered = {"cubic": index, "tetragonal": index[:, 1:]}.get(symmetry)
+    if ordered is not None and ordered.shape[1] > 1:
+        index = index[(np.diff(ordered, axis=1) <= 0).all(axis=1)]
+    index = index[(index != 0).any(axis=1)]
+    nearest = (2 * np.abs(index) > intervals).astype(int)
+    sign = np.where(np.abs(index) % intervals == 0, 0, np.sign(index))
+    _, labels = np.unique(np.concatenate([nearest, sign < 0], axis=1), axis=0, return_inverse=True)
+    groups = [np.flatnonzero(labels == c) for c in range(labels.max() + 1)]
+    most = max(len(g) for g in groups)
+    members = np.stack([np.concatenate([g, np.full(most - len(g), g[0])]) for g in groups])
+    step = np.pi / intervals
+    return Zone(index * step, members, step, intervals, symmetry)
+
+
+@lru_cache(maxsize=8)
+def directions(dim: int) -> np.ndarray:
+    """Unit directions over half a circle or sphere, the axes among them (inversion does the rest)."""
+    if dim == 1:
+        return np.ones((1, 1))
+    if dim == 2:
+        angle = np.arange(48) * np.pi / 48
+        return np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    near = np.stack(np.meshgrid(*[np.arange(-4, 5)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
+    near = near[(np.abs(near).max(axis=1) == 4) & [tuple(v) > (0, 0, 0) for v in near]]
+    return near / np.linalg.norm(near, axis=1, keepdims=True)
+
+
+def largest_eigenvalue(A: list[list[Array]]) -> Array:
+    """Closed-form λ_max of symmetric 1×1, 2×2, 3×3 blocks given as separate arrays: a screen, not a verdict."""
+    if len(A) == 1:
+        return A[0][0]
+    if len(A) == 2:
+        mean, half = (A[0][0] + A[1][1]) / 2, (A[0][0] - A[1][1]) / 2
+        return mean + jnp.sqrt(half**2 + A[0][1] ** 2)
+    mean = (A[0][0] + A[1][1] + A[2][2]) / 3
+    a, b, c = A[0][0] - mean, A[1][1] - mean, A[2][2] - mean
+    d, e, f = A[0][1], A[0][2], A[1][2]
+    p = jnp.sqrt((a**2 + b**2 + c**2 + 2 * (d**2 + e**2 + f**2)) / 6)
+    det = a * (b * c - f**2) - d * (d * c - f * e) + e * (d * f - b * e)
+    cosine = jnp.clip(det / (2 * jnp.maximum(p, jnp.finfo(p.dtype).tiny) ** 3), -1, 1)
+    return mean + 2 * p * jnp.cos(jnp.arccos(cosine) / 3)
+
+
+def top_pair(A: Float[Array, "dim dim"]) -> tuple[Array, Array]:
+    """The largest eigenvalue of a symmetric matrix and its unit eigenvector, by `eigh`."""
+    values, vectors = jnp.linalg.eigh((A + A.T) / 2)
+    return values[-1], vectors[:, -1]
+
+
+def class_starts(zone: Zone, screen: Float[Array, " waves"]) -> Float[Array, "classes dim"]:
+    """The best grid point of every class [1/spacing]."""
+    best = jnp.argmax(screen[zone.members], axis=1)
+    chosen = jnp.take_along_axis(jnp.asarray(zone.members), best[:, None], axis=1)[:, 0]
+    return jnp.asarray(zone.grid, dtype=screen.dtype)[chosen]
+
+
+def nudge(dim: int, step: float) -> np.ndarray:
+    """A small move in general position, off whatever symmetry a grid point has."""
+    return step * np.array([0.29, 0.17, 0.11])[:dim]
+
+
+def refine(matrix: Callable[[Array], Array], start: Float[Array, " dim"], steps: int = 40) -> Float[Array, " dim"]:
+    """Climb λ_max(matrix(x)) from `start` by BFGS on the joint quotient over x and the vector."""
+    dim = start.shape[0]
+    _, e = top_pair(matrix(start))
+
+    def loss(y, _):
+        x, v = y[:dim], y[dim:]
+        return -(v @ matrix(x) @ v) / (v @ v)
+
+    tolerance = float(jnp.finfo(start.dtype).eps) ** 0.75
+    solver = optx.BFGS(rtol=tolerance, atol=tolerance)
+    found = optx.minimise(loss, solver, jnp.concatenate([start, e]), max_steps=steps, throw=False).value[:dim]
+    return jnp.where(jnp.isfinite(found).all(), found, start)
