@@ -18,6 +18,7 @@ from .influence import (
     linear_influence,
 )
 from .laws import EnergyLaw, Law, LinearElastic, NeoHookean
+from .maps import StabilityMap, stability_map
 from .models import AbstractModel, Correspondence, PointStateModel, SethHill
 from .neighbours import Bonds, Families, Family, families, lattice_family
 from .paths import PATHS, hydrostatic, simple_shear, uniaxial_strain, uniaxial_stress

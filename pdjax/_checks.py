@@ -4,7 +4,10 @@ Values known before tracing raise `ValueError` at once; values seen only as trac
 guarded by `equinox.error_if`, so that a bad number never travels on silently.
 """
 
+import os
+import tempfile
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 import equinox as eqx
@@ -54,3 +57,24 @@ def deformation_gradient(F: Any, dim: int) -> jax.Array:
         F = F.astype(jnp.result_type(float))
     ok = jnp.isfinite(F).all() & (jnp.linalg.det(F) > 0)
     return require(F, ok, "F must be finite with det F > 0 (no inverted or collapsed matter)")
+
+
+def writable(path: str | os.PathLike) -> Path:
+    """`path`, if a file can be created there; OSError now rather than after a long computation.
+
+    Nothing is left behind, and an existing file is left as it is.
+    """
+    path = Path(path)
+    if path.is_dir():
+        raise IsADirectoryError(f"cannot write to {path}: it is a directory; name a file")
+    if not path.parent.is_dir():
+        raise FileNotFoundError(f"cannot write to {path}: the directory {path.parent} does not exist")
+    try:
+        with tempfile.TemporaryFile(dir=path.parent):
+            pass
+        if path.exists():
+            with open(path, "ab"):
+                pass
+    except OSError as error:
+        raise PermissionError(f"cannot write to {path}: {error.strerror or error}") from error
+    return path

@@ -10,7 +10,7 @@ that of the product: two rings of neighbours, three where the far end's state is
 V J is symmetric for hyperelastic models; J itself only for equal volumes.
 """
 
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
@@ -89,7 +89,7 @@ def jvp(model: AbstractModel, fams: Families, u, v, F=None) -> Float[Array, "poi
     return jax.jvp(lambda w: force_density(model, fams, w, F), (u,), (jnp.asarray(v, dtype=u.dtype),))[1]
 
 
-def jacobian(model: AbstractModel, fams: Families, u, form: Literal["sparse", "dense"] = "sparse", F=None):
+def jacobian(model: AbstractModel, fams: Families, u, form: str = "sparse", F=None):
     """The exact Jacobian ∂f/∂u of a body, (points·dim, points·dim) [force/length^(dim+1)].
 
     Rows and columns run over points, then components. `form` "dense": a JAX array by `jax.jacfwd` (differentiable;

@@ -11,8 +11,6 @@ those points decides whether a side is unstable at once, for whatever law: `load
 """
 
 import itertools
-from typing import Literal
-
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -29,7 +27,7 @@ from ..models.seth_hill import SethHill
 from ..neighbours import Family
 from ..paths import Path, hydrostatic, path_symmetry
 from ..zone import Zone
-from . import CRITERIA, Criterion, evaluate, family_zone, margin_tolerance
+from . import CRITERIA, evaluate, family_zone, margin_tolerance
 
 SIDES = ("negative", "positive")
 SMALLEST = 1e-6  # a side that is unstable at this load is called unstable at 0
@@ -102,8 +100,8 @@ def critical_load(
     model: AbstractModel,
     fam: Family,
     path: Path = hydrostatic,
-    criterion: Criterion = "symbol",
-    side: Literal["negative", "positive"] = "negative",
+    criterion: str = "symbol",
+    side: str = "negative",
     limit: float | None = None,
     resolution: int | None = None,
 ) -> Float[Array, ""]:
@@ -134,7 +132,7 @@ def half_reciprocal_points(dim: int) -> np.ndarray:
 
 
 def load_slope(
-    model: AbstractModel, fam: Family, path: Path = hydrostatic, side: Literal["negative", "positive"] = "positive"
+    model: AbstractModel, fam: Family, path: Path = hydrostatic, side: str = "positive"
 ) -> Float[Array, ""]:
     """How fast a load destabilises the half-reciprocal waves that cost nothing at rest.
 
@@ -165,49 +163,17 @@ def load_slope(
 
 
 @eqx.filter_jit
-def _stable_orders(fam, law, path, side: str, bound: float) -> tuple[Array, Array]:
-    real = fam.xi.dtype
-
-    def slope(m, _=None):
-        return load_slope(SethHill(m, law), fam, path, side)
-
-    def narrow(interval, _):
-        low, high = interval
-        m = low + (high - low) * jnp.linspace(0, 1, 33, dtype=real)
-        i = jnp.argmin(jax.vmap(slope)(m))
-        step = (high - low) / 32
-        return (jnp.maximum(low, m[i] - step), jnp.minimum(high, m[i] + step)), None
-
-    edge = jnp.asarray(bound, real)
-    (low, high), _ = jax.lax.scan(narrow, (-edge, edge), length=6)
-    middle = (low + high) / 2
-    deepest = slope(middle)
-    eps = float(jnp.finfo(real).eps)
-
-    def side_of(end):
-        crosses = (deepest < 0) & (slope(end) > 0)
-        lower, upper = jnp.minimum(end, middle), jnp.maximum(end, middle)
-        root = optx.root_find(
-            lambda m, _: jnp.where(crosses, slope(m), m - (lower + upper) / 2),
-            optx.Bisection(rtol=8 * eps, atol=8 * eps),
-            (lower + upper) / 2,
-            options={"lower": lower, "upper": upper},
-            max_steps=80,
-            throw=False,
-        ).value
-        return jnp.where(deepest < 0, jnp.where(crosses, root, jnp.sign(end) * jnp.inf), jnp.nan)
-
-    ends = jax.vmap(side_of)(jnp.stack([-edge, edge]))
-    return ends[0], ends[1]
+def _slopes(orders, fam, law, path, side: str) -> Array:
+    return jax.lax.map(lambda m: load_slope(SethHill(m, law), fam, path, side), orders)
 
 
 def stable_orders(
     fam: Family,
     law: Law,
     path: Path = hydrostatic,
-    side: Literal["negative", "positive"] = "positive",
+    side: str = "positive",
     bound: float = 20.0,
-) -> tuple[Float[Array, ""], Float[Array, ""]]:
+) -> tuple[float, float]:
     """The interval (low, high) of orders m [-] for which a side of a path is not unstable at once, for Seth–Hill.
 
     At rest Z is linear in the load whatever m, and each bond's block is linear in m: `load_slope` is convex in m,
@@ -217,4 +183,33 @@ def stable_orders(
     choice("side", side, SIDES)
     if not (np.isfinite(bound) and bound > 0):
         raise ValueError(f"bound must be finite and > 0; got {bound}")
-    return _stable_orders(fam, law, path, side, float(bound))
+    batch = 33
+
+    def slopes(orders):
+        return np.asarray(_slopes(jnp.asarray(orders, dtype=fam.xi.dtype), fam, law, path, side))
+
+    def edge(low, high):
+        """The zero between orders of opposite slope, by splitting the bracket down to rounding."""
+        while True:
+            orders = np.linspace(low, high, batch)
+            inside = slopes(orders) < 0
+            i = int(np.argmax(inside != inside[0])) - 1
+            if not orders[i] < orders[i + 1] or (orders[i], orders[i + 1]) == (low, high):
+                return float((low + high) / 2)
+            low, high = orders[i], orders[i + 1]
+            if high - low <= 4 * np.finfo(np.dtype(fam.xi.dtype)).eps * max(1.0, abs(low)):
+                return float((low + high) / 2)
+
+    orders = np.linspace(-bound, bound, batch)
+    for _ in range(8):  # close in on the lowest point of a convex function, unless it is negative already
+        found = slopes(orders)
+        i = int(np.argmin(found))
+        if found[i] < 0:
+            break
+        orders = np.linspace(orders[max(i - 1, 0)], orders[min(i + 1, batch - 1)], batch)
+    else:
+        return np.nan, np.nan
+    inner, ends = orders[i], slopes(np.linspace(-bound, bound, batch))
+    low = -np.inf if ends[0] < 0 else edge(-bound, inner)
+    high = np.inf if ends[-1] < 0 else edge(inner, bound)
+    return low, high

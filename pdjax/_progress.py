@@ -1,0 +1,23 @@
+"""A progress bar of one line on the terminal's error stream; silent where that is not a terminal."""
+
+import sys
+import time
+from collections.abc import Iterable, Iterator
+from typing import TypeVar
+
+T = TypeVar("T")
+
+
+def progress(items: Iterable[T], total: int, label: str, show: bool) -> Iterator[T]:
+    """Yield the items, drawing how many of `total` are done and the time left."""
+    show = show and sys.stderr.isatty()
+    start = time.monotonic()
+    for done, item in enumerate(items):
+        if show:
+            spent = time.monotonic() - start
+            left = f"{spent / done * (total - done):4.0f} s left" if done else "compiling"
+            bar = "█" * (24 * done // total)
+            print(f"\r{label} [{bar:<24}] {done}/{total} {left:<12}", end="", file=sys.stderr, flush=True)
+        yield item
+    if show:
+        print(f"\r{label} [{'█' * 24}] {total}/{total} {time.monotonic() - start:4.0f} s{' ' * 12}", file=sys.stderr)

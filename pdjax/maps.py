@@ -1,0 +1,208 @@
+"""Sweeps of stability over (m, a, N): the margin of every state of a grid, in chunks of bounded memory.
+
+One compiled kernel evaluates a chunk of (m, a) pairs for the main criterion and for every criterion whose line is
+drawn; the host walks over the chunks, so memory grows with the answer, and stops leave what is done.
+"""
+
+import json
+import os
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path as FilePath
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
+
+from ._checks import choice, finite, writable
+from ._progress import progress
+from .criteria import CRITERIA, evaluate, family_zone, margin_tolerance, verdicts
+from .force import check_model
+from .influence import constant_influence
+from .laws import Law
+from .models.seth_hill import SethHill
+from .neighbours import lattice_family
+from .paths import Path, hydrostatic, path_symmetry
+
+_SAVE_EVERY = 30.0  # seconds between partial saves
+_CHUNK_BYTES = 2**21  # of screened symbols at once: what the caches hold
+
+
+@dataclass(frozen=True)
+class StabilityMap:
+    """Margins over orders m and loads a (and horizons N, if several were asked for).
+
+    m (orders,), a (loads,) [-]; margin, eigenvalue, tolerance (orders, loads), or (horizons, orders, loads);
+    lines: the margins of other criteria on the same grid; settings: everything needed to compute it again.
+    """
+
+    m: np.ndarray
+    a: np.ndarray
+    N: np.ndarray
+    margin: Float[np.ndarray, "*grid"]
+    eigenvalue: Float[np.ndarray, "*grid"]
+    tolerance: Float[np.ndarray, "*grid"]
+    lines: dict[str, np.ndarray] = field(default_factory=dict)
+    settings: dict = field(default_factory=dict)
+
+    @property
+    def verdict(self) -> np.ndarray:
+        """"stable", "marginal", "unstable", or "undefined" (no such state) at every point of the grid."""
+        return verdicts(self.margin, self.tolerance)
+
+    def save(self, path: str | os.PathLike) -> FilePath:
+        """Write everything to an .npz, all of it or nothing; returns the path."""
+        path = writable(path)
+        arrays = {f"line_{name}": values for name, values in self.lines.items()}
+        part = path.with_name(path.name + ".part")
+        try:
+            with open(part, "wb") as stream:
+                np.savez_compressed(
+                    stream,
+                    m=self.m,
+                    a=self.a,
+                    N=self.N,
+                    margin=self.margin,
+                    eigenvalue=self.eigenvalue,
+                    tolerance=self.tolerance,
+                    settings=json.dumps(self.settings),
+                    **arrays,
+                )
+            os.replace(part, path)
+        finally:
+            part.unlink(missing_ok=True)
+        return path
+
+    @classmethod
+    def load(cls, path: str | os.PathLike) -> "StabilityMap":
+        """Read what `save` wrote."""
+        with np.load(path) as file:
+            lines = {name[5:]: file[name] for name in file.files if name.startswith("line_")}
+            settings = json.loads(str(file["settings"]))
+            return cls(*(file[k] for k in ("m", "a", "N", "margin", "eigenvalue", "tolerance")), lines, settings)
+
+
+def _free_memory() -> float:
+    try:
+        return os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+    except (ValueError, OSError, AttributeError):
+        return np.inf
+
+
+@eqx.filter_jit
+def _chunk(m, a, fam, law, path: Path, names: tuple[str, ...], intervals: int | None):
+    """(margin, eigenvalue, tolerance) of the first criterion and the margins of the others, for pairs (m, a)."""
+    zone = family_zone(fam, path_symmetry(path, fam), intervals)
+
+    def one(m, a):
+        model = SethHill(m, law)
+        F = path(a, model, fam)
+        out = evaluate(names[0], model, fam, F, zone, fastest=True)
+        others = tuple(evaluate(name, model, fam, F, zone).margin for name in names[1:])
+        tolerance = jnp.asarray(margin_tolerance(m.dtype, out.scale), m.dtype)
+        return (out.margin, out.eigenvalue, tolerance), others
+
+    return jax.vmap(one)(m, a)
+
+
+def _check_loads(a: np.ndarray, m: np.ndarray, fam, law: Law, path: Path) -> None:
+    """Refuse loads whose deformation is not one: det F ≤ 0, for instance a ≤ −1 under hydrostatic strain."""
+    model = SethHill(float(m[0]), law)
+    det = np.asarray(jax.vmap(lambda x: jnp.linalg.det(path(x, model, fam)))(jnp.asarray(a, fam.xi.dtype)))
+    if (det <= 0).any():
+        i = int(np.argmax(det <= 0))
+        raise ValueError(f"a must keep det F > 0 along the path; a[{i}] = {a[i]:g} gives det F = {det[i]:g}")
+
+
+def stability_map(
+    m,
+    a,
+    N: float | Sequence[float] = 3,
+    dim: int = 2,
+    law: Law | None = None,
+    path: Path = hydrostatic,
+    criterion: str = "symbol",
+    lines: Sequence[str] = (),
+    influence: Callable = constant_influence,
+    resolution: int | None = None,
+    save: str | os.PathLike | None = None,
+    show_progress: bool = True,
+) -> StabilityMap:
+    """Margins of the Seth–Hill model over orders m and loads a along a path, on infinite lattices.
+
+    Arguments: m (orders,), a (loads,) [-]; N horizon(s) over spacing [-]; law in E; `lines`: further criteria to
+        evaluate on the same grid; resolution as in `stability`; save: an .npz path, checked before and kept up to
+        date during a long run (states not reached yet are NaN, "undefined").
+    Returns: `StabilityMap`: .margin and .eigenvalue (orders, loads), with a leading axis if N is a sequence.
+    Raises: ValueError for NaN, empty m or a, det F ≤ 0, a singular family, a map too large for memory;
+        OSError for a path that can't be written.
+    """
+    if law is None:
+        raise ValueError("law is needed, such as pd.LinearElastic(lam=1.0, mu=1.0)")
+    orders, loads = finite("m", m), finite("a", a)
+    for name, values in (("m", orders), ("a", loads)):
+        if values.ndim != 1 or values.size == 0:
+            raise ValueError(f"{name} must be a one-dimensional array with at least one entry; got {values.shape}")
+    horizons = np.atleast_1d(finite("N", N))
+    names = tuple(choice("criterion", c, list(CRITERIA)) for c in (criterion, *lines))
+    shape = (len(horizons), len(orders), len(loads))
+    need, free = 8.0 * np.prod(shape, dtype=float) * (2 + len(names)) * 2, _free_memory()
+    if need > 0.5 * free:
+        raise ValueError(
+            f"a map of {shape} states needs {need / 2**30:.1f} GiB and {free / 2**30:.1f} GiB are free; take fewer"
+            " m, a or N, or fewer lines"
+        )
+    target = None if save is None else writable(save)
+
+    results = [np.full(shape, np.nan) for _ in range(2 + len(names))]
+    M, A = (x.reshape(-1) for x in np.meshgrid(orders, loads, indexing="ij"))
+    fams = [lattice_family(dim, float(n), influence=influence) for n in horizons]
+    for fam in fams:
+        check_model(SethHill(float(orders[0]), law), fam)
+        _check_loads(loads, orders, fam, law, path)
+
+    used: list[int] = []
+
+    def result() -> StabilityMap:
+        margin, eigenvalue, tolerance, *rest = (r if np.ndim(N) else r[0] for r in results)
+        settings = {
+            "dim": dim,
+            "N": horizons.tolist(),
+            "law": repr(law),
+            "path": getattr(path, "__name__", repr(path)),
+            "criterion": criterion,
+            "influence": getattr(influence, "__name__", repr(influence)),
+            "resolution": used or None,
+            "dtype": str(fams[0].xi.dtype),
+        }
+        return StabilityMap(
+            orders, loads, horizons, margin, eigenvalue, tolerance, dict(zip(names[1:], rest, strict=True)), settings
+        )
+
+    jobs = []
+    for n, fam in enumerate(fams):
+        zone = family_zone(fam, path_symmetry(path, fam), resolution)
+        used.append(zone.intervals)
+        wide = len(zone.grid) if "symbol" in names else fam.xi.size
+        size = int(np.clip(_CHUNK_BYTES // (8 * wide * dim * (dim + 4)), 16, 4096))
+        size = min(size, len(M))
+        jobs += [(n, fam, start, size) for start in range(0, len(M), size)]
+    saved = time.monotonic()
+    for n, fam, start, size in progress(jobs, len(jobs), f"{criterion} map", show_progress):
+        index = np.minimum(np.arange(start, start + size), len(M) - 1)  # the last chunk repeats its last state
+        real = fam.xi.dtype
+        main, others = _chunk(
+            jnp.asarray(M[index], real), jnp.asarray(A[index], real), fam, law, path, names, resolution
+        )
+        for out, values in zip(results, (*main, *others), strict=True):
+            out[n].reshape(-1)[index] = np.asarray(values)
+        if target is not None and time.monotonic() - saved > _SAVE_EVERY:
+            result().save(target)
+            saved = time.monotonic()
+    final = result()
+    if target is not None:
+        final.save(target)
+    return final
