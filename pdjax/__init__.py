@@ -3,7 +3,10 @@
 Write a material model once, for one family of bonds; get its forces, its exact Jacobian, its spectrum, its
 critical loads and their gradients. The library follows the dtype of its inputs and never touches `jax.config`:
 for signs of eigenvalues, enable float64 first, `jax.config.update("jax_enable_x64", True)`.
+`pdjax.figures` loads matplotlib when it is first used, not before.
 """
+
+import importlib as _importlib
 
 from . import closed_forms
 from .bloch import p_wave_modulus, symbol
@@ -24,3 +27,63 @@ from .neighbours import Bonds, Families, Family, families, lattice_family
 from .paths import PATHS, hydrostatic, simple_shear, uniaxial_strain, uniaxial_stress
 from .points import Points, bar, cloud, cuboid, lattice, plate
 from .tangent import center_block, jacobian, jvp
+
+
+def __getattr__(name: str):
+    if name == "figures":
+        return _importlib.import_module(".figures", __name__)
+    raise AttributeError(f"module 'pdjax' has no attribute {name!r}")
+
+
+__all__ = [
+    "CRITERIA",
+    "PATHS",
+    "AbstractModel",
+    "Bonds",
+    "Correspondence",
+    "EnergyLaw",
+    "Families",
+    "Family",
+    "Law",
+    "LinearElastic",
+    "NeoHookean",
+    "PointStateModel",
+    "Points",
+    "SethHill",
+    "Stability",
+    "StabilityMap",
+    "bar",
+    "center_block",
+    "closed_forms",
+    "cloud",
+    "constant_influence",
+    "critical_load",
+    "cubic_spline_influence",
+    "cuboid",
+    "families",
+    "figures",
+    "force_density",
+    "force_state",
+    "gaussian_influence",
+    "hydrostatic",
+    "inverse_distance_influence",
+    "jacobian",
+    "jvp",
+    "lattice",
+    "lattice_family",
+    "linear_influence",
+    "load_slope",
+    "p_wave_modulus",
+    "piola_stress",
+    "plate",
+    "simple_shear",
+    "stability",
+    "stability_map",
+    "stable_orders",
+    "strain",
+    "strain_energy",
+    "stress",
+    "symbol",
+    "uniaxial_strain",
+    "uniaxial_stress",
+]

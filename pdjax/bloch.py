@@ -8,7 +8,8 @@ By translation invariance one family is enough. With q_ξ = e^{ik·ξ} − 1 and
 
     Ĵ(k) = −Σ_ξζ q̄_ξ V C_ξζ q_ζ.                                                            (any model)
 
-For a point-state model C_ξζ = δ_ξζ B_ξ + G_ξ R_ζ, and in a centro-symmetric family B is even, G and R odd; over half of it
+For a point-state model C_ξζ = δ_ξζ B_ξ + G_ξ R_ζ, and in a centro-symmetric family B is even, G and R odd; over half
+of it
 
     Ĵ(k) = −[ Σ b_ξ c_ξ + (Σ g_ξ s_ξ)(Σ r_ξ s_ξ) ],   c = |q|² = 4 sin²(k·ξ/2),  s = sin k·ξ,
     b = 2 V B,   g = 2 V G,   r = 2 R:
@@ -33,7 +34,7 @@ from .tangent import family_tangent, linearise_states
 
 
 class Phases(NamedTuple):
-    """What a wave does to the half family: c = |q|², s = Im q, even = Re q, and κ² of the lattice Laplacian [1/length²]."""
+    """A wave on the half family: c = |q|², s = Im q, even = Re q, and κ² of the lattice Laplacian [1/length²]."""
 
     c: Float[Array, "*waves half"]
     s: Float[Array, "*waves half"]

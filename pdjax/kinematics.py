@@ -108,8 +108,8 @@ def local_strain(F: Float[Array, "dim dim"], m) -> Float[Array, "dim dim"]:
     """The classical Seth–Hill strain E_m(F) = (Cᵐ − I)/2m, C = FᵀF, smooth at equal principal stretches.
 
     No eigenvectors: with μ = (det C)^{1/d} and X = C/μ, log C = log μ I + log X by the 48-point Gauss–Legendre form of
-    ∫₀¹ (X − I)(I + t(X − I))⁻¹ dt (the diagonal Padé approximant), then E_m = ½ log C φ(m log C), φ by its matrix series
-    (scaling and squaring). Rounding to 1e-13 for principal stretch ratios up to 5 (tests).
+    ∫₀¹ (X − I)(I + t(X − I))⁻¹ dt (the diagonal Padé approximant), then E_m = ½ log C φ(m log C), φ by its matrix
+    series (scaling and squaring). Rounding to 1e-13 for principal stretch ratios up to 5 (tests).
     """
     dim = F.shape[0]
     I = jnp.eye(dim, dtype=F.dtype)

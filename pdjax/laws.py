@@ -15,6 +15,7 @@ from typing import Any, ClassVar
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from ._checks import choice
@@ -71,6 +72,15 @@ class EnergyLaw(Law):
 
     def energy(self, tensor: Float[Array, "dim dim"]) -> Float[Array, ""]:
         return self.function(tensor, self.constants)
+
+
+def law_label(law: Law) -> str:
+    """The law and its constants in words, for figures and files: LinearElastic(lam=1, mu=1)."""
+    values = {name: getattr(law, name) for name in ("lam", "mu", "constants") if hasattr(law, name)}
+    shown = ", ".join(f"{k}={np.asarray(v):g}" if np.ndim(v) == 0 else f"{k}=…" for k, v in values.items())
+    function = getattr(law, "function", None)
+    name = getattr(function, "__name__", None) or type(law).__name__
+    return f"{name}({shown})"
 
 
 def law_stress(law: Law, tensor: Float[Array, "dim dim"]) -> Float[Array, "dim dim"]:

@@ -22,13 +22,13 @@ from ._progress import progress
 from .criteria import CRITERIA, evaluate, family_zone, margin_tolerance, verdicts
 from .force import check_model
 from .influence import constant_influence
-from .laws import Law
+from .laws import Law, law_label
 from .models.seth_hill import SethHill
 from .neighbours import lattice_family
 from .paths import Path, hydrostatic, path_symmetry
 
 _SAVE_EVERY = 30.0  # seconds between partial saves
-_CHUNK_BYTES = 2**21  # of screened symbols at once: what the caches hold
+_CHUNK_BYTES = 2**23  # of screened symbols at once: what the caches hold
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ class StabilityMap:
 
     @property
     def verdict(self) -> np.ndarray:
-        """"stable", "marginal", "unstable", or "undefined" (no such state) at every point of the grid."""
+        """ "stable", "marginal", "unstable", or "undefined" (no such state) at every point of the grid."""
         return verdicts(self.margin, self.tolerance)
 
     def save(self, path: str | os.PathLike) -> FilePath:
@@ -109,7 +109,10 @@ def _chunk(m, a, fam, law, path: Path, names: tuple[str, ...], intervals: int | 
 
 
 def _check_loads(a: np.ndarray, m: np.ndarray, fam, law: Law, path: Path) -> None:
-    """Refuse loads whose deformation is not one: det F ≤ 0, for instance a ≤ −1 under hydrostatic strain."""
+    """Refuse loads whose deformation is not one: a stretch 1 + a ≤ 0, or det F ≤ 0 on a user's path."""
+    if getattr(path, "stretch", False) and (a <= -1).any():
+        i = int(np.argmax(a <= -1))
+        raise ValueError(f"a must be > -1, for 1 + a is a stretch of this path; a[{i}] = {a[i]:g}")
     model = SethHill(float(m[0]), law)
     det = np.asarray(jax.vmap(lambda x: jnp.linalg.det(path(x, model, fam)))(jnp.asarray(a, fam.xi.dtype)))
     if (det <= 0).any():
@@ -171,7 +174,7 @@ def stability_map(
         settings = {
             "dim": dim,
             "N": horizons.tolist(),
-            "law": repr(law),
+            "law": law_label(law),
             "path": getattr(path, "__name__", repr(path)),
             "criterion": criterion,
             "influence": getattr(influence, "__name__", repr(influence)),

@@ -1,7 +1,8 @@
 """Load paths: one number a → a homogeneous deformation F(a), with F(0) = I.
 
 A path is any function (a, model, fam) → F (dim, dim), traced by JAX. Its attribute `symmetry` (default "inversion")
-says what the deformed cubic lattice keeps, and so how far the Brillouin zone can be folded.
+says what the deformed cubic lattice keeps, and so how far the Brillouin zone can be folded; `stretch` (default
+False) says that 1 + a is a stretch, so that a > −1 is needed.
 
     hydrostatic      F = (1 + a) I
     uniaxial strain  F = diag(1 + a, 1, 1)
@@ -24,9 +25,10 @@ from .neighbours import Family
 Path = Callable[[Any, AbstractModel, Family], Float[Array, "dim dim"]]
 
 
-def _keeps(symmetry: str):
+def _keeps(symmetry: str, stretch: bool = True):
     def mark(path):
         path.symmetry = symmetry
+        path.stretch = stretch
         return path
 
     return mark
@@ -74,7 +76,7 @@ def uniaxial_stress(a, model: AbstractModel, fam: Family) -> Float[Array, "dim d
     return stretched(log_b, a)
 
 
-@_keeps("inversion")
+@_keeps("inversion", stretch=False)
 def simple_shear(a, model: AbstractModel, fam: Family) -> Float[Array, "dim dim"]:
     """F = I + a e₁⊗e₂ (dim 2 or 3); a is the amount of shear [-]."""
     if fam.dim == 1:

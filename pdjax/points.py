@@ -76,6 +76,9 @@ def lattice(shape: Sequence[int], spacing: float = 1.0, periodic: bool | Sequenc
 
 
 def _box(lengths: Sequence[float], spacing: float) -> Points:
+    lengths = finite("lengths", lengths).tolist()
+    if not spacing > 0:
+        raise ValueError(f"spacing must be finite and > 0; got {spacing}")
     counts = [length / spacing for length in lengths]
     shape = [round(c) for c in counts]
     for length, count, n in zip(lengths, counts, shape, strict=True):
@@ -86,6 +89,8 @@ def _box(lengths: Sequence[float], spacing: float) -> Points:
 
 def bar(n: int, length: float = 1.0) -> Points:
     """A 1D bar of `n` points filling [0, length]; spacing length / n."""
+    if n < 1:
+        raise ValueError(f"n must be >= 1; got {n}")
     return lattice((n,), length / n)
 
 

@@ -1,9 +1,10 @@
 """The exact Jacobian J = ∂f/∂u of a body: as JVP, dense, sparse; and the tangent of one family.
 
-Forward differentiation of the force density is the reference (`jvp`, dense `jacobian`). The sparse matrix is assembled from
-structure, never probed: with Δ the difference operator (η = Δ u),
+Forward differentiation of the force density is the reference (`jvp`, dense `jacobian`). The sparse matrix is
+assembled from structure, never probed: with Δ the difference operator (η = Δ u),
 
-    dT = B Δ du + G R Δ du (+ G' R' Δ du for the far end's state),    J = Div dT/du,    (Div T)_i = Σ_j V_j (T_ij − T_ji)
+    dT = B Δ du + G R Δ du (+ G' R' Δ du for the far end's state),    J = Div dT/du,    (Div T)_i = Σ_j V_j (T_ij −
+    T_ji)
 
 where B, G, R come from autodiff of the model's two small functions, point by point. The pattern is
 that of the product: two rings of neighbours, three where the far end's state is needed.
@@ -114,9 +115,7 @@ def _point_tangents(model, fams, bonds):
         return jax.vmap(lambda mine, b: family_tangent(eqx.combine(mine, shared), b))(varying, bonds)
     states = jax.vmap(lambda mine, b: ravel_pytree(eqx.combine(mine, shared).point_state(b))[0])(varying, bonds)
     far = states[fams.neighbours]
-    return jax.vmap(lambda mine, b, there: linearise_states(eqx.combine(mine, shared), b, there))(
-        varying, bonds, far
-    )
+    return jax.vmap(lambda mine, b, there: linearise_states(eqx.combine(mine, shared), b, there))(varying, bonds, far)
 
 
 def _block_csr(rows, cols, blocks, shape) -> sp.csr_array:

@@ -1,8 +1,8 @@
 """The search over the Brillouin zone: where is a symbol's largest eigenvalue, or its largest quotient by M κ²?
 
 1. **Grid**: `intervals` steps from 0 to π/h along each axis, so that every half-reciprocal point (components 0 or
-   π/h) is on it exactly, reduced by the symmetry that the deformed lattice keeps. Closed-form eigenvalues of the d × d blocks
-   screen it: they lose half the digits at a double root, so they only choose where to look.
+   π/h) is on it exactly, reduced by the symmetry that the deformed lattice keeps. Closed-form eigenvalues of the d ×
+   d blocks screen it: they lose half the digits at a double root, so they only choose where to look.
 2. **Starts**: the best grid point nearest to each half-reciprocal point (for each sign of k), so that a narrow
    maximum by one of them is not hidden by a higher one elsewhere; moved off the grid, for half-reciprocal points are
    stationary by symmetry and may be saddles.
@@ -17,7 +17,6 @@ from collections.abc import Callable
 from functools import lru_cache
 from typing import NamedTuple
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 import optimistix as optx

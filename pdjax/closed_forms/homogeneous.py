@@ -53,18 +53,12 @@ def check_family(xi, omega, tensor="L"):
         gap = np.linalg.norm(bonds[:, None] + bonds[None, :], axis=-1)
         size = np.linalg.norm(bonds, axis=1)
         if gap.min(axis=1).max() > 1e-6 * size.min() or not np.allclose(weights[gap.argmin(axis=1)], weights):
-            raise ValueError(
-                "xi and omega must be a full family: with every bond its mirror, of the same influence"
-            )
+            raise ValueError("xi and omega must be a full family: with every bond its mirror, of the same influence")
         n = bonds / size[:, None]
         dyads = np.einsum("bi,bj,Aij->bA", n, n, _mandel(bonds.shape[1])) if tensor == "L" else n
         if np.linalg.cond(np.einsum("b,bA,bB->AB", weights, dyads, dyads)) > 1e6:
-            raise ValueError(
-                f"xi must span the shape tensor {tensor}; these {len(bonds)} bonds leave it singular"
-            )
-    return jnp.asarray(xi, dtype=jnp.result_type(xi, float)), jnp.asarray(
-        omega, dtype=jnp.result_type(omega, float)
-    )
+            raise ValueError(f"xi must span the shape tensor {tensor}; these {len(bonds)} bonds leave it singular")
+    return jnp.asarray(xi, dtype=jnp.result_type(xi, float)), jnp.asarray(omega, dtype=jnp.result_type(omega, float))
 
 
 def pairs_that_sum_to(eta, xi):

@@ -40,9 +40,7 @@ def symmetric_ratio(dim, N):
         return 1.0
     A, B = np.sum(dyads[:, 0, 0] ** 2), np.sum(dyads[:, 0, 1] ** 2)
     if min(B, A - B) < 1e-9 * A:
-        raise ValueError(
-            f"N = {N} gives {len(p)} bonds in {dim}D, too few for the shape tensor L that mu needs"
-        )
+        raise ValueError(f"N = {N} gives {len(p)} bonds in {dim}D, too few for the shape tensor L that mu needs")
     dual = np.where(np.eye(dim) == 1, (dyads - dim * B / len(p)) / (A - B), dyads / (2 * B)) * len(p)
     return float(np.sum(p[:, 0] ** 2 / r2**2 * np.sum(dual**2, axis=(1, 2))) / np.sum(1 / r2))
 

@@ -6,8 +6,6 @@ Behzadinasab & Foster (diagonal, continuum), Born & Huang 1954 (symbol).
 """
 
 import equinox as eqx
-import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
@@ -37,8 +35,8 @@ CRITERIA = {
 def evaluate(
     criterion: str, model: AbstractModel, fam: Family, F: Float[Array, "dim dim"], zone: Zone, at=None, fastest=False
 ) -> Outcome:
-    """The named criterion, unjitted and unchecked: what drivers trace. `at`: an earlier `Outcome.at`, to skip the search;
-    `fastest`: "symbol" also looks for the largest eigenvalue itself."""
+    """The named criterion, unjitted and unchecked: what drivers trace. `at`: an earlier `Outcome.at`, to skip the
+    search; `fastest`: "symbol" also looks for the largest eigenvalue itself."""
     if criterion == "symbol":
         return symbol(model, fam, F, zone, at, fastest)
     return CRITERIA[criterion](model, fam, F, at)  # type: ignore[operator]

@@ -1,9 +1,9 @@
 """The continuum test: the block ∂f/∂x at a point as h → 0 at fixed horizon.
 
-There only the stress term survives, −2 ∫ B dξ, with B = ∂t/∂η at fixed point state. It factors into a positive radial integral
-∫ω r^{d−3} dr (which even diverges in 1D and 2D: only the sign means anything) and an average over directions, taken here
-by quadrature over the circle or sphere, which is a family like any other. For Seth–Hill under hydrostatic strain
-the margin has the sign of −aΓ(m). Source: Behzadinasab & Foster, Eqs. dfcontinuum to gammaCondition.
+There only the stress term survives, −2 ∫ B dξ, with B = ∂t/∂η at fixed point state. It factors into a positive
+radial integral ∫ω r^{d−3} dr (which even diverges in 1D and 2D: only the sign means anything) and an average over
+directions, taken here by quadrature over the circle or sphere, which is a family like any other. For Seth–Hill under
+hydrostatic strain the margin has the sign of −aΓ(m). Source: Behzadinasab & Foster, Eqs. dfcontinuum to gammaCondition.
 """
 
 from functools import lru_cache

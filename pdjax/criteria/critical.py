@@ -1,21 +1,22 @@
 """Critical loads: the edge of the unstable set along a path, on one side; and the orders m at which a side turns.
 
 **Critical load.** The margin is sampled from |a| = 1e-6 to the limit (geometric near 0, then 2 % steps), the first
-unstable sample is bracketed against the one before it, the bracket split again and again, and polished by one Newton step with the
-exact derivative ∂margin/∂a. That last step is written so that its derivative in everything else is the implicit function
-theorem, da/dθ = −(∂margin/∂θ)/(∂margin/∂a). 0: unstable at once; inf: not within the limit (or no state there).
+unstable sample is bracketed against the one before it, the bracket split again and again, and polished by one Newton
+step with the exact derivative ∂margin/∂a. That last step is written so that its derivative in everything else is the
+implicit function theorem, da/dθ = −(∂margin/∂θ)/(∂margin/∂a). 0: unstable at once; inf: not within the limit (or no
+state there).
 
-**Threshold order.** At rest every half-reciprocal wave costs a Seth–Hill lattice nothing, so under a small load the sign of dλ/da at
-those points decides whether a side is unstable at once, for whatever law: `load_slope`. Its zero in m is
-`threshold_order`, the m at which the side turns.
+**Threshold order.** At rest every half-reciprocal wave costs a Seth–Hill lattice nothing, so under a small load the
+sign of dλ/da at those points decides whether a side is unstable at once, for whatever law: `load_slope`. Its zero in
+m is `threshold_order`, the m at which the side turns.
 """
 
 import itertools
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-import optimistix as optx
 from jaxtyping import Array, Float
 
 from .._checks import choice
@@ -32,25 +33,24 @@ from . import CRITERIA, evaluate, family_zone, margin_tolerance
 SIDES = ("negative", "positive")
 SMALLEST = 1e-6  # a side that is unstable at this load is called unstable at 0
 BATCH = 16
+NEAR, FAR = 16, 48  # samples up to 2 %, and from there to the limit
 SPLITS = 5  # a 2 % bracket ends at 2e-8, which one Newton step takes to rounding
 LIMITS = {"negative": 0.9, "positive": 1.0}
 
 
 def _samples(limit: float) -> np.ndarray:
-    """Loads to look at first, (batches, BATCH + 1): each batch starts with the last load of the one before, the first at 0."""
-    near = np.geomspace(SMALLEST, 0.02, 16)
-    far = np.arange(0.04, limit, 0.02)
-    sizes = np.concatenate([near[near < limit], far, [limit]])
-    sizes = np.concatenate([sizes, np.full(-len(sizes) % BATCH, limit)]).reshape(-1, BATCH)
+    """Loads to look at first, (batches, BATCH + 1): each batch starts with the last load before it, the first at 0."""
+    start = min(0.02, limit / 2)
+    far = np.linspace(start, limit, FAR + 1)[1:]
+    sizes = np.concatenate([np.geomspace(SMALLEST, start, NEAR), far]).reshape(-1, BATCH)
     return np.concatenate([np.concatenate([[0.0], sizes[:-1, -1]])[:, None], sizes], axis=1)
 
 
-def _critical(model, fam, path: Path, criterion: str, sign: float, limit: float, zone: Zone) -> Array:
+def _critical(model, fam, path: Path, criterion: str, sign: Array, samples: Array, zone: Zone) -> Array:
     """One loop, one trace of the criterion: batches of loads, first the samples until one is unstable, then the bracket
     around its edge split into BATCH parts, `SPLITS` times. The maximiser found last serves the polish."""
     real = fam.xi.dtype
     still_model, still_fam = jax.lax.stop_gradient((model, fam))
-    samples = jnp.asarray(_samples(limit), dtype=real)
 
     def look(size):
         out = evaluate(criterion, still_model, still_fam, path(sign * size, still_model, still_fam), zone)
@@ -68,7 +68,7 @@ def _critical(model, fam, path: Path, criterion: str, sign: float, limit: float,
         return number + 1, splits + hit, following, (low, high, hit & (high > SMALLEST)), at
 
     def go_on(state):
-        number, splits, sizes, (low, high, _), _ = state
+        number, splits, _, (_, high, _), _ = state
         searching = (splits == 0) & (number < len(samples))
         return searching | ((splits > 0) & (splits <= SPLITS) & (high > 0.5 * SMALLEST))
 
@@ -91,9 +91,9 @@ def _critical(model, fam, path: Path, criterion: str, sign: float, limit: float,
 
 
 @eqx.filter_jit
-def _critical_jit(model, fam, path, criterion: str, sign: float, limit: float, resolution: int | None):
+def _critical_jit(model, fam, path, criterion: str, sign: Array, samples: Array, resolution: int | None):
     zone = family_zone(fam, path_symmetry(path, fam), resolution)
-    return _critical(model, fam, path, criterion, sign, limit, zone)
+    return _critical(model, fam, path, criterion, sign, samples, zone)
 
 
 def critical_load(
@@ -110,7 +110,8 @@ def critical_load(
     Arguments: path (a, model, fam) → F; criterion one of `CRITERIA`; side of a; limit: how far |a| is followed
         [-] (default 0.9 negative, 1.0 positive); resolution as in `stability`.
     Returns: a_cr [-], differentiable in model and fam. 0 where the side is unstable at |a| = 1e-6 already,
-        ±inf where it is not within the limit. Unstable windows narrower than the sampling step (2 %) can be missed.
+        ±inf where it is not within the limit. Unstable windows narrower than limit/48, the sampling step, can be
+        missed.
     Raises: ValueError for an unknown criterion or side, a limit not in (1e-6, 1) on the negative side.
     """
     choice("criterion", criterion, list(CRITERIA))
@@ -121,8 +122,9 @@ def critical_load(
     if not (2 * SMALLEST < limit < (1.0 if side == "negative" else np.inf)):
         raise ValueError(f"limit must lie between 2e-6 and 1 (negative side) or be finite (positive); got {limit}")
     check_model(model, fam)
-    sign = -1.0 if side == "negative" else 1.0
-    return _critical_jit(model, fam, path, criterion, sign, float(limit), resolution)
+    sign = jnp.asarray(-1.0 if side == "negative" else 1.0, fam.xi.dtype)
+    samples = jnp.asarray(_samples(float(limit)), fam.xi.dtype)
+    return _critical_jit(model, fam, path, criterion, sign, samples, resolution)
 
 
 def half_reciprocal_points(dim: int) -> np.ndarray:
@@ -131,9 +133,7 @@ def half_reciprocal_points(dim: int) -> np.ndarray:
     return np.array([k for k in corners if any(k)])
 
 
-def load_slope(
-    model: AbstractModel, fam: Family, path: Path = hydrostatic, side: str = "positive"
-) -> Float[Array, ""]:
+def load_slope(model: AbstractModel, fam: Family, path: Path = hydrostatic, side: str = "positive") -> Float[Array, ""]:
     """How fast a load destabilises the half-reciprocal waves that cost nothing at rest.
 
     Returns: max over those points of dλ_max/d|a| at a = 0, over M κ² [-]; positive: the side is unstable at once;

@@ -14,8 +14,8 @@ from ..zone import top_pair
 class Outcome(NamedTuple):
     """margin [-] (positive: unstable), the eigenvalue behind it, its mode and, for waves, its wave vector.
 
-    `at` is where the criterion's search ended (a vector, a wave …): given back to it, the search is skipped and the same
-    quotient is measured for other parameters, which by the envelope theorem is the margin to second order.
+    `at` is where the criterion's search ended (a vector, a wave …): given back to it, the search is skipped and the
+    same quotient is measured for other parameters, which by the envelope theorem is the margin to second order.
     """
 
     margin: Float[Array, ""]
@@ -54,7 +54,7 @@ class Stability(eqx.Module):
 
     @property
     def verdict(self) -> str:
-        """"stable", "marginal" or "unstable"; of a batch, the array of them. NaN margins are "undefined"."""
+        """ "stable", "marginal" or "unstable"; of a batch, the array of them. NaN margins are "undefined"."""
         words = verdicts(self.margin, self.tolerance)
         return str(words) if words.ndim == 0 else words  # type: ignore[return-value]
 

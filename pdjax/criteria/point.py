@@ -6,8 +6,8 @@
     material_neighbour  … for one moved neighbour
     material            … for the worst δY orthogonal to translations and to rotations δY = ΩY
 
-Margins (positive: unstable) have no unit. D is divided by M·2d/h², M the p-wave modulus: D is the mean of the symbol over
-the Brillouin zone and 2d/h² that of κ². dT·dY is a quotient by Σ w|δY|², scaled by K₁₁/M so that a
+Margins (positive: unstable) have no unit. D is divided by M·2d/h², M the p-wave modulus: D is the mean of the symbol
+over the Brillouin zone and 2d/h² that of κ². dT·dY is a quotient by Σ w|δY|², scaled by K₁₁/M so that a
 uniaxial strain of the resting lattice has −1.
 """
 

@@ -4,8 +4,8 @@
     affine   −min over N of the acoustic tensor N·∂²W(F)·N of the energy of affine maps, over M: the limit k → 0
     local    the same of the classical law at this F; differs from affine for Seth–Hill unless m = 1
 
-The maximiser is searched with derivatives stopped (`pdjax.zone`); the margin is then the quotient at that wave vector and mode,
-so its derivative in any parameter is vᵀ(∂Ĵ)v: the envelope theorem.
+The maximiser is searched with derivatives stopped (`pdjax.zone`); the margin is then the quotient at that wave
+vector and mode, so its derivative in any parameter is vᵀ(∂Ĵ)v: the envelope theorem.
 """
 
 import jax
@@ -38,18 +38,19 @@ def _phases_at(fam: Family, x: Array, is_long: Array) -> Phases:
 def _search(tangent: Tangent, M: Array, fam: Family, zone: Zone, fastest: bool):
     """(margin's (x, is_long, mode), the fastest growing (x, mode) or None, the largest |quotient| on the grid).
 
-    All starts, of every kind, climb in one batch: waves for the margin, directions of the limit, and (`fastest`) waves
-    for the largest eigenvalue itself.
+    All starts, of every kind, climb in one batch: a wave of every class for the margin, the best direction of the
+    limit, and (`fastest`) the best wave for the largest eigenvalue itself.
     """
     h, dim = fam.spacing, fam.dim
-    table = wave_phases(fam, jnp.asarray(zone.grid, dtype=h.dtype) / h)
+    grid = jnp.asarray(zone.grid, dtype=h.dtype)
+    table = wave_phases(fam, grid / h)
     top = largest_eigenvalue(tangent.components(table))
     screen = top / (M * table.kappa2)
     compass = jnp.asarray(directions(dim), dtype=h.dtype)
     long_screen = largest_eigenvalue(tangent.components(long_wave_phases(fam, compass)))
 
     waves = class_starts(zone, screen)
-    groups = [waves, compass[jnp.argmax(long_screen)][None]] + ([class_starts(zone, top)] if fastest else [])
+    groups = [waves, compass[jnp.argmax(long_screen)][None]] + ([grid[jnp.argmax(top)][None]] if fastest else [])
     sizes = [len(g) for g in groups]
     starts = jnp.concatenate(groups)
     kind = jnp.repeat(jnp.arange(len(groups)), jnp.array(sizes), total_repeat_length=sum(sizes))
@@ -73,7 +74,7 @@ def _search(tangent: Tangent, M: Array, fam: Family, zone: Zone, fastest: bool):
 def symbol(
     model: AbstractModel, fam: Family, F: Float[Array, "dim dim"], zone: Zone, at=None, fastest: bool = True
 ) -> Outcome:
-    """The exact test: see the module. `fastest`: also look for the largest eigenvalue itself, which unstable states report."""
+    """The exact test: see the module. `fastest`: also find the largest eigenvalue, which unstable states report."""
     tangent = homogeneous_tangent(model, fam, F)
     M = p_wave_modulus(model, fam)
     fast, scale = None, jnp.ones((), M.dtype)

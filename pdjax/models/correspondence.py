@@ -2,9 +2,9 @@
 
     W = ψ(F̄),   F̄ = (Σ w Y⊗ξ) K⁻¹,   K = Σ w ξ⊗ξ;   T = ω P K⁻¹ ξ,   P = ∂ψ/∂F
 
-The point state is Z = P K⁻¹. A law in F is taken as it is; a law in E is fed the Green–Lagrange strain of F̄ (LinearElastic
-is then St. Venant–Kirchhoff). F̄ is exact for every affine map, at surfaces too; non-affine fields with the same
-F̄ cost nothing: the zero-energy modes. Source: Silling et al. 2007.
+The point state is Z = P K⁻¹. A law in F is taken as it is; a law in E is fed the Green–Lagrange strain of F̄
+(LinearElastic is then St. Venant–Kirchhoff). F̄ is exact for every affine map, at surfaces too; non-affine fields
+with the same F̄ cost nothing: the zero-energy modes. Source: Silling et al. 2007.
 """
 
 from typing import ClassVar

@@ -1,0 +1,164 @@
+"""Figures: arrays in, a matplotlib Figure out. Imported when first used, by nothing else in the package.
+
+The same colour means the same criterion everywhere (Okabe & Ito's colour-blind-safe set).
+"""
+
+import matplotlib.patches
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import ListedColormap
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.ticker import FuncFormatter
+
+from . import closed_forms
+from .criteria import verdicts
+from .maps import StabilityMap
+
+COLOURS = {
+    "symbol": "#000000",
+    "diagonal": "#D55E00",
+    "block": "#E69F00",
+    "material": "#CC79A7",
+    "material_center": "#CC79A7",
+    "material_neighbour": "#882255",
+    "affine": "#009E73",
+    "local": "#0072B2",
+    "continuum": "#56B4E9",
+    "printed": "#444444",
+}
+STYLES = {
+    "symbol": "-",
+    "diagonal": "-",
+    "affine": "-.",
+    "local": ":",
+    "continuum": (0, (5, 1)),
+    "material_center": ":",
+}
+LABELS = {
+    "symbol": "symbol (exact)",
+    "material": "material, worst case",
+    "material_center": "material, moved centre",
+    "material_neighbour": "material, moved neighbour",
+    "affine": "affine (long waves)",
+    "local": "local (classical law)",
+    "continuum": "continuum, aΓ(m) = 0",
+}
+_REGIONS = {"stable": "#DCE9F5", "marginal": "#FFFFFF", "unstable": "#F3C9B5", "undefined": "#BBBBBB"}
+_WORDS = list(_REGIONS)
+
+
+def _percent(axis) -> None:
+    axis.set_major_formatter(FuncFormatter(lambda x, _: f"{100 * x:g}"))
+
+
+def _regions(axes: Axes, m, a, words) -> None:
+    """Cells coloured by verdict."""
+    codes = np.vectorize(_WORDS.index)(words)
+    axes.pcolormesh(
+        m,
+        a,
+        codes.T,
+        cmap=ListedColormap(list(_REGIONS.values())),
+        vmin=-0.5,
+        vmax=3.5,
+        shading="nearest",
+        rasterized=True,
+    )
+
+
+def _zero(axes: Axes, m, a, values, colour: str, style) -> bool:
+    """Draw where `values` changes sign across the grid; False if it does not."""
+    values = np.where(np.isfinite(values), values, np.nan)
+    if not ((np.nanmin(values) < 0) & (np.nanmax(values) > 0)):
+        return False
+    axes.contour(m, a, values.T, levels=[0.0], colors=[colour], linestyles=[style], linewidths=1.6)
+    return True
+
+
+def _printed(grid: StabilityMap, N: float) -> np.ndarray | None:
+    """The paper's bracket over the grid where it prints one: hydrostatic load, linear law, 1D and 2D."""
+    settings = grid.settings
+    if settings.get("path") != "hydrostatic" or N != int(N) or settings["influence"] != "constant_influence":
+        return None
+    bracket = {
+        1: lambda a, m: closed_forms.bracket_1d(a, m, int(N)),
+        2: lambda a, m: closed_forms.bracket_2d(a, m, int(N), form="printed"),
+    }.get(settings["dim"])
+    if bracket is None:
+        return None
+    return np.array([np.asarray(bracket(grid.a, m)) for m in grid.m])
+
+
+def stability_map(grid: StabilityMap, horizon: int = 0) -> Figure:
+    """The regions of a map at a glance: the exact verdict, and beside it the diagonal's where the map holds it.
+
+    Arguments: grid from `pdjax.stability_map`; horizon: which N, if the map has several.
+    Lines are where each criterion's margin is zero; the paper's printed criterion is dashed.
+    """
+    pick = (lambda x: x[horizon]) if grid.margin.ndim == 3 else (lambda x: x)
+    settings, m, a, N = grid.settings, grid.m, grid.a, float(grid.N[horizon])
+    main = settings["criterion"]
+    margins = {main: pick(grid.margin), **{name: pick(values) for name, values in grid.lines.items()}}
+    tolerance = pick(grid.tolerance)
+    panels = [main] + (["diagonal"] if "diagonal" in grid.lines else [])
+    figure = Figure(figsize=(5.4 * len(panels) + 0.4, 5.6), layout="constrained")
+    axes = np.atleast_1d(figure.subplots(1, len(panels), sharey=True))
+    printed = _printed(grid, N)
+    drawn: dict[str, Line2D] = {}
+
+    def line(on: Axes, name: str, values, label: str, style) -> None:
+        if _zero(on, m, a, values, COLOURS[name], style):
+            drawn[name] = Line2D([], [], color=COLOURS[name], linestyle=style, linewidth=1.6, label=label)
+
+    for on, name in zip(axes, panels, strict=True):
+        words = verdicts(margins[name], tolerance if name == main else 1e-12)
+        _regions(on, m, a, words)
+        on.set_title(f"{LABELS.get(name, name)}: {np.mean(words == 'unstable'):.0%} of this map unstable", fontsize=10)
+        on.set_xlabel("order m of the Seth–Hill strain  [–]")
+        on.set_xlim(m.min(), m.max())
+        on.set_ylim(a.min(), a.max())
+        if name == main:
+            for other, values in margins.items():
+                line(on, other, values, LABELS.get(other, other), STYLES.get(other, "-"))
+        else:
+            line(on, name, margins[name], LABELS.get(name, name), "-")
+        if name == "diagonal" or (len(panels) == 1 and printed is not None):
+            if printed is not None:
+                line(on, "printed", printed, "diagonal, as printed in the paper", "--")
+    axes[0].set_ylabel(f"{settings['path'].replace('_', ' ')} load a  [%]")
+    _percent(axes[0].yaxis)
+    patches = [
+        matplotlib.patches.Patch(facecolor=_REGIONS[word], edgecolor="#888888", label=word)
+        for word in _WORDS
+        if (grid.verdict == word).any() and word != "marginal"
+    ]
+    figure.legend(
+        handles=patches + list(drawn.values()), loc="outside lower center", ncols=4, fontsize=9, frameon=False
+    )
+    figure.suptitle(f"Stability of an infinite lattice, {settings['dim']}D, N = {N:g}, {settings['law']}", fontsize=11)
+    return figure
+
+
+def dispersion(k, eigenvalues, ticks, labels, title: str) -> Figure:
+    """Eigenvalues of the symbol along a line of wave vectors: above zero they grow.
+
+    Arguments: k (waves,) arc length along the line; eigenvalues (waves, dim), already without unit; ticks, labels of
+    corners.
+    """
+    figure = Figure(figsize=(6.4, 4.2), layout="constrained")
+    axes = figure.subplots()
+    low, high = float(np.min(eigenvalues)), max(float(np.max(eigenvalues)), 0.0)
+    top = high + 0.12 * (high - low)
+    axes.axhspan(0, top, color=_REGIONS["unstable"], zorder=0)
+    axes.text(k[-1] * 0.99, top - 0.02 * (top - low), "unstable", ha="right", va="top", fontsize=9)
+    axes.set_ylim(low - 0.05 * (top - low), top)
+    for branch in range(eigenvalues.shape[1]):
+        axes.plot(k, eigenvalues[:, branch], color=COLOURS["symbol"], linewidth=1.4)
+    axes.axhline(0, color="#888888", linewidth=0.8)
+    axes.set_xticks(ticks, labels)
+    axes.set_xlim(k[0], k[-1])
+    axes.set_xlabel("wave vector k along the edges of the Brillouin zone")
+    axes.set_ylabel("eigenvalue of the symbol, λ h² / M  [–]")
+    axes.set_title(title, fontsize=10)
+    return figure
