@@ -101,7 +101,7 @@ def _parser() -> argparse.ArgumentParser:
 def _setting(arguments):
     import pdjax as pd
 
-    law = pd.LinearElastic(lam=arguments.lam, mu=arguments.mu)
+    law = pd.LinearElastic(lam=arguments.lam, mu=arguments.mu)  # type: ignore[call-arg]
     influence = getattr(pd, f"{arguments.influence}_influence")
     return law, pd.PATHS[arguments.path], influence
 
@@ -208,7 +208,7 @@ def _critical(arguments) -> dict:
     return {"critical_loads": rows}
 
 
-_CORNERS = {
+_CORNERS: dict[int, list[tuple[str, tuple[int, ...]]]] = {
     1: [("Γ", (0,)), ("X", (1,))],
     2: [("Γ", (0, 0)), ("X", (1, 0)), ("M", (1, 1)), ("Γ", (0, 0))],
     3: [("Γ", (0, 0, 0)), ("X", (1, 0, 0)), ("M", (1, 1, 0)), ("R", (1, 1, 1)), ("Γ", (0, 0, 0))],

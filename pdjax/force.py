@@ -47,15 +47,20 @@ def check_model(model: AbstractModel, fams: Family | Families) -> None:
         _refuse_singular(model, fams)
 
 
+@eqx.filter_jit
+def _shape_tensors(model: AbstractModel, bonds: Bonds) -> Any:
+    return _each_point("shape_tensor", model, bonds)
+
+
 def _refuse_singular(model: AbstractModel, fams: Family | Families) -> None:
     single = isinstance(fams, Family)
-    if single:
+    if isinstance(fams, Family):
         bonds = jax.tree.map(lambda x: x[None], fams.bonds(jnp.eye(fams.dim, dtype=fams.xi.dtype)))
     else:
         bonds = fams.bonds(jnp.zeros((len(fams), fams.dim), fams.xi.dtype))
     if model.shape_tensor(jax.tree.map(lambda x: x[0], bonds)) is None:
         return
-    tensors = np.asarray(jax.jit(jax.vmap(model.shape_tensor))(bonds), dtype=float)
+    tensors = np.asarray(_shape_tensors(model, bonds), dtype=float)
     values = np.linalg.eigvalsh((tensors + tensors.mT) / 2)
     bad = ~(values[:, 0] > _SINGULAR * values[:, -1])
     if bad.any():

@@ -36,7 +36,7 @@ class LinearElastic(Law):
 
     lam: Float[Array, "..."] = eqx.field(converter=jnp.asarray)
     mu: Float[Array, "..."] = eqx.field(converter=jnp.asarray)
-    takes: ClassVar[str] = "E"
+    takes: ClassVar[str] = "E"  # type: ignore[misc]
 
     def energy(self, tensor: Float[Array, "dim dim"]) -> Float[Array, ""]:
         return 0.5 * self.lam * jnp.trace(tensor) ** 2 + self.mu * jnp.sum(tensor * tensor)
@@ -47,7 +47,7 @@ class NeoHookean(Law):
 
     lam: Float[Array, "..."] = eqx.field(converter=jnp.asarray)
     mu: Float[Array, "..."] = eqx.field(converter=jnp.asarray)
-    takes: ClassVar[str] = "F"
+    takes: ClassVar[str] = "F"  # type: ignore[misc]
 
     def energy(self, tensor: Float[Array, "dim dim"]) -> Float[Array, ""]:
         log_J = jnp.log(jnp.linalg.det(tensor))

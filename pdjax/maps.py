@@ -69,7 +69,7 @@ class StabilityMap:
                     eigenvalue=self.eigenvalue,
                     tolerance=self.tolerance,
                     settings=json.dumps(self.settings),
-                    **arrays,
+                    **arrays,  # type: ignore[arg-type]
                 )
             os.replace(part, path)
         finally:
@@ -82,7 +82,10 @@ class StabilityMap:
         with np.load(path) as file:
             lines = {name[5:]: file[name] for name in file.files if name.startswith("line_")}
             settings = json.loads(str(file["settings"]))
-            return cls(*(file[k] for k in ("m", "a", "N", "margin", "eigenvalue", "tolerance")), lines, settings)
+            m, a, N, margin, eigenvalue, tolerance = (
+                file[k] for k in ("m", "a", "N", "margin", "eigenvalue", "tolerance")
+            )
+            return cls(m, a, N, margin, eigenvalue, tolerance, lines, settings)
 
 
 def _free_memory() -> float:
@@ -113,7 +116,7 @@ def _check_loads(a: np.ndarray, m: np.ndarray, fam, law: Law, path: Path) -> Non
     if getattr(path, "stretch", False) and (a <= -1).any():
         i = int(np.argmax(a <= -1))
         raise ValueError(f"a must be > -1, for 1 + a is a stretch of this path; a[{i}] = {a[i]:g}")
-    model = SethHill(float(m[0]), law)
+    model = SethHill(jnp.asarray(m[0]), law)
     det = np.asarray(jax.vmap(lambda x: jnp.linalg.det(path(x, model, fam)))(jnp.asarray(a, fam.xi.dtype)))
     if (det <= 0).any():
         i = int(np.argmax(det <= 0))
@@ -164,7 +167,7 @@ def stability_map(
     M, A = (x.reshape(-1) for x in np.meshgrid(orders, loads, indexing="ij"))
     fams = [lattice_family(dim, float(n), influence=influence) for n in horizons]
     for fam in fams:
-        check_model(SethHill(float(orders[0]), law), fam)
+        check_model(SethHill(jnp.asarray(orders[0]), law), fam)
         _check_loads(loads, orders, fam, law, path)
 
     used: list[int] = []

@@ -61,7 +61,7 @@ def uniaxial_stress(a, model: AbstractModel, fam: Family) -> Float[Array, "dim d
 
     eps = float(jnp.finfo(fam.xi.dtype).eps)
     still = jax.lax.stop_gradient((a, model, fam))
-    found = optx.root_find(
+    found: optx.Solution = optx.root_find(
         lambda log_b, _: lateral_stress(log_b, *still),
         optx.Newton(rtol=64 * eps, atol=64 * eps),
         jnp.zeros((), fam.xi.dtype),

@@ -122,6 +122,6 @@ def refine(matrix: Callable[[Array], Array], start: Float[Array, " dim"], steps:
         return -(v @ matrix(x) @ v) / (v @ v)
 
     tolerance = float(jnp.finfo(start.dtype).eps) ** 0.75
-    solver = optx.BFGS(rtol=tolerance, atol=tolerance)
+    solver: optx.BFGS = optx.BFGS(rtol=tolerance, atol=tolerance)
     found = optx.minimise(loss, solver, jnp.concatenate([start, e]), max_steps=steps, throw=False).value[:dim]
     return jnp.where(jnp.isfinite(found).all(), found, start)

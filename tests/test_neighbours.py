@@ -56,9 +56,9 @@ def test_ties_do_not_depend_on_rounding(dim, count):
 def test_homogeneous_bonds_are_relative_displacements():
     fam, F = pd.lattice_family(2, 2, 0.5, pd.gaussian_influence), bodies.deformation(2, 1)
     bonds = fam.bonds(jnp.asarray(F))
-    assert worst(bonds.xi + bonds.eta, np.asarray(fam.xi) @ F.T) < 1e-15  # 2e-16
+    assert worst(bonds.xi + bonds.eta, np.asarray(fam.xi) @ F.T) < 1e-15  # 0
     r = np.linalg.norm(fam.xi, axis=1)
-    assert worst(bonds.omega, bodies.gaussian(r, 1.0)) < 1e-15  # 2e-16
+    assert worst(bonds.omega, bodies.gaussian(r, 1.0)) < 1e-15  # 6e-17
 
 
 # ---------------------------------------------------------------- every family of a body
@@ -93,7 +93,7 @@ def check_families(body, horizon):
     exact = brute_bonds(body, horizon)
     assert sorted(zip(i.tolist(), j.tolist(), strict=True)) == sorted(exact)
     found = np.array([exact[a, b] for a, b in zip(i.tolist(), j.tolist(), strict=True)])
-    assert worst(xi[i, slot], found) < 1e-14  # 1e-15
+    assert worst(xi[i, slot], found) < 1e-14  # 6e-17
     assert np.array_equal(neighbours[j, reverse[i, slot]], i)
     assert np.array_equal(xi[j, reverse[i, slot]], -xi[i, slot])
     assert np.array_equal(fams.count, true.sum(axis=1)) and fams.count.max() == fams.xi.shape[1]
@@ -142,7 +142,7 @@ def test_body_bonds_under_displacement_and_mean_deformation():
     apart = fams.bonds(jnp.asarray(u), jnp.asarray(F))
     together = fams.bonds(jnp.asarray(u + X @ (F - np.eye(2)).T))
     true = np.asarray(fams.weight) > 0
-    assert worst(apart.eta[true], together.eta[true]) < 1e-14  # 4e-16
+    assert worst(apart.eta[true], together.eta[true]) < 1e-14  # 6e-17
     back = fams.reversed(together)
     j, slot = np.asarray(fams.neighbours), np.asarray(fams.reverse)
     for here, there in zip(together[:3], back[:3], strict=True):  # ξ, η, ω as the neighbour itself has them
@@ -196,7 +196,7 @@ def test_broken_bonds_of_a_lattice_family_are_a_smaller_family(name):
     T = np.asarray(state(MODELS[name], cut, F))
     of = {tuple(xi): t for xi, t in zip(np.asarray(cut.xi), T, strict=True)}
     exact = np.asarray(state(MODELS[name], small, F))
-    assert worst([of[tuple(xi)] for xi in np.asarray(small.xi)], exact) < 1e-15  # 2e-17
+    assert worst([of[tuple(xi)] for xi in np.asarray(small.xi)], exact) < 1e-15  # 0
     assert np.all(T[~near] == 0)
 
 
@@ -212,9 +212,9 @@ def test_broken_bonds_across_a_plane_make_two_bodies(m):
     energy = 0.0
     for half in (left, ~left):
         args = (body.positions[half], body.volumes[half], bodies.HORIZONS[2], u[half], m, 1.3, 0.7, bodies.gaussian)
-        assert worst(np.asarray(out.force)[half], ref.seth_hill_force(*args)) < 1e-14  # 5e-16
+        assert worst(np.asarray(out.force)[half], ref.seth_hill_force(*args)) < 1e-13  # 3e-15
         energy += ref.seth_hill_energy(*args)
-    assert worst(out.energy / energy, 1.0) < 1e-13  # 4e-16
+    assert worst(out.energy / energy, 1.0) < 1e-13  # 1e-15
 
 
 def test_weights_multiply_and_leave_padding_empty():
@@ -286,7 +286,7 @@ def test_wrong_use_names_the_argument(call, named):
 
 
 def test_a_horizon_cannot_be_traced():
-    with pytest.raises(ValueError, match="horizon.*traced"):
+    with pytest.raises(ValueError, match=r"horizon.*traced"):
         jax.jit(lambda h: inspect.unwrap(pd.families)(PAIR, h).xi)(1.5)
 
 

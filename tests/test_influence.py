@@ -1,0 +1,99 @@
+"""Influence functions: known values, smoothness, evenness, parameters that are traced and differentiable."""
+
+from functools import partial
+
+import bodies
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from bodies import worst
+from hypothesis import given
+from hypothesis import strategies as st
+from table import MODELS
+
+import pdjax as pd
+
+# values at q = r/δ = ¼, ½, ¾, 1, by hand
+KNOWN = {
+    "constant": (pd.constant_influence, [1, 1, 1, 1]),
+    "inverse distance": (pd.inverse_distance_influence, [4, 2, 4 / 3, 1]),
+    "linear": (pd.linear_influence, [0.75, 0.5, 0.25, 0]),
+    "cubic spline": (pd.cubic_spline_influence, [23 / 32, 1 / 4, 1 / 32, 0]),
+    "gaussian": (pd.gaussian_influence, np.exp([-1 / 4, -1, -9 / 4, -4])),
+    "gaussian, wide": (partial(pd.gaussian_influence, width=1.0), np.exp([-1 / 16, -1 / 4, -9 / 16, -1])),
+    "a user's": (lambda r, delta: (r / delta) ** 2 + 0.5, [0.5625, 0.75, 1.0625, 1.5]),
+}
+
+
+@pytest.mark.parametrize("name", KNOWN)
+@pytest.mark.parametrize("horizon", [1.0, 0.3])
+def test_known_values(name, horizon):
+    influence, values = KNOWN[name]
+    q = jnp.array([0.25, 0.5, 0.75, 1.0])
+    assert worst(influence(q * horizon, horizon), np.array(values, dtype=float)) < 1e-14  # 9e-16
+
+
+@pytest.mark.parametrize("name", KNOWN)
+def test_even_and_nonnegative_in_a_family(name):
+    """Opposite bonds weigh the same to the last bit, and bonds past the horizon's tie do not turn negative."""
+    influence, _ = KNOWN[name]
+    omega = np.asarray(pd.lattice_family(3, 2, 0.1, influence).influence)
+    assert np.array_equal(omega[: len(omega) // 2], omega[len(omega) // 2 :])
+    assert np.all(omega >= 0) and np.any(omega > 0)
+    assert np.all(influence(jnp.array([1.0 + 1e-9]), 1.0) >= 0)
+
+
+@given(q=st.floats(1e-3, 1.0), horizon=st.floats(1e-3, 1e3))
+def test_only_the_ratio_counts(q, horizon):
+    for influence, _ in KNOWN.values():
+        scaled, plain = (influence(jnp.asarray(q * h), jnp.asarray(h)) for h in (horizon, 1.0))
+        assert worst(scaled / jnp.maximum(plain, 1e-300), plain / jnp.maximum(plain, 1e-300)) < 1e-9  # 1
+
+
+def test_cubic_spline_is_twice_continuously_differentiable():
+    """Value, slope and curvature agree across q = ½ (¼, −3/2, 6) and end at 0 at the horizon; the third jumps."""
+    derivatives = [lambda q: pd.cubic_spline_influence(q, 1.0)]
+    for _ in range(3):
+        derivatives.append(jax.grad(derivatives[-1]))
+    below, above = ([float(d(jnp.asarray(0.5 + h))) for d in derivatives] for h in (-1e-9, 1e-9))
+    assert worst(below[:3], [0.25, -1.5, 6.0]) < 1e-7  # 1
+    assert worst(above[:3], [0.25, -1.5, 6.0]) < 1e-7  # 1
+    assert abs(below[3] - 36) < 1e-9 and abs(above[3] + 12) < 1e-9  # 0
+    end = [float(d(jnp.asarray(1 - 1e-9))) for d in derivatives[:3]]
+    assert worst(end, 0.0) < 1e-7  # 1
+
+
+def test_parameters_are_traced_and_differentiable():
+    """d/dwidth of a force density through the families built with it; nothing compiles again for a new width."""
+    body, u = bodies.points(1, "cloud"), bodies.displacement(1, "cloud", 1)
+
+    @jax.jit
+    def force(width):
+        fams = pd.families(body, bodies.HORIZONS[1], partial(pd.gaussian_influence, width=width))
+        return pd.force_density(MODELS["correspondence svk"], fams, u)
+
+    width, step = 0.5, 1e-5
+    slope = jax.jvp(force, (width,), (1.0,))[1]
+    difference = (force(width + step) - force(width - step)) / (2 * step)
+    assert worst(slope, difference) < 1e-8  # 1
+    assert worst(slope) > 1e-3
+    at_half = pd.families(body, bodies.HORIZONS[1], pd.gaussian_influence)
+    assert worst(force(0.5), eqx.filter_jit(pd.force_density)(MODELS["correspondence svk"], at_half, u)) < 1e-15  # 1
+    assert force._cache_size() == 1
+
+
+def test_a_users_function_with_a_parameter():
+    """ω = q^p closed form: d ω/dp = ω log q, on the bonds of a lattice family."""
+
+    def power(r, delta, p):
+        return (r / delta) ** p
+
+    def omega(p):
+        return pd.lattice_family(2, 2, 0.5, partial(power, p=p)).influence
+
+    value, slope = jax.jvp(eqx.filter_jit(omega), (1.3,), (1.0,))
+    q = np.linalg.norm(pd.lattice_family(2, 2).xi, axis=1) / 2
+    assert worst(value, q**1.3) < 1e-15  # 1
+    assert worst(slope, q**1.3 * np.log(q)) < 1e-15  # 1

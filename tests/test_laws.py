@@ -1,0 +1,131 @@
+"""Laws: stress against closed forms, small-strain moduli, user's laws, constants, and what is refused."""
+
+import bodies
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from bodies import worst
+from hypothesis import given
+from hypothesis import strategies as st
+from table import LINEAR, MODELS, quartic
+
+import pdjax as pd
+from pdjax.laws import law_stress
+
+LAM, MU, B = 1.3, 0.7, 2.0
+TENSORS = st.integers(0, 2**32 - 1)
+
+
+def linear(E):
+    """S = λ tr(E) I + 2μE."""
+    return LAM * np.trace(E) * np.eye(len(E)) + 2 * MU * E
+
+
+def neo_hookean(F):
+    """P = μ(F − F⁻ᵀ) + λ log J F⁻ᵀ."""
+    inverse = np.linalg.inv(F).T
+    return MU * (F - inverse) + LAM * np.log(np.linalg.det(F)) * inverse
+
+
+def quartic_stress(E):
+    """S = λ tr(E) I + 2μE + 4b (E:E) E."""
+    return linear(E) + 4 * B * np.sum(E * E) * E
+
+
+# law, closed form of its stress
+LAWS = {
+    "linear elastic": (LINEAR, linear),
+    "neo-hookean": (pd.NeoHookean(LAM, MU), neo_hookean),
+    "user, in E": (pd.EnergyLaw(quartic, "E", {"lam": LAM, "mu": MU, "b": B}), quartic_stress),
+    "user, in F": (
+        pd.EnergyLaw(lambda F, c: pd.NeoHookean(c[0], c[1]).energy(F), "F", (jnp.asarray(LAM), jnp.asarray(MU))),
+        neo_hookean,
+    ),
+}
+stress = jax.jit(law_stress)
+
+
+def tensor(law, dim, seed):
+    """A random strain, or a random deformation gradient."""
+    change = bodies.deformation(dim, seed, size=0.3) - np.eye(dim)
+    return (change + change.T) / 2 if law.takes == "E" else np.eye(dim) + change
+
+
+@pytest.mark.parametrize("name", LAWS)
+@pytest.mark.parametrize("dim", [1, 2, 3])
+@given(seed=TENSORS)
+def test_stress_is_the_closed_form(name, dim, seed):
+    law, closed = LAWS[name]
+    A = tensor(law, dim, seed)
+    assert worst(stress(law, A), closed(A)) < 1e-13  # 1
+
+
+@pytest.mark.parametrize("name", LAWS)
+@pytest.mark.parametrize("dim", [1, 2, 3])
+def test_at_rest_energy_and_stress_vanish_and_moduli_are_lam_and_mu(name, dim):
+    """∂²ψ on any change G is λ tr(G) I + 2μ sym G; in 1D λ + 2μ."""
+    law, _ = LAWS[name]
+    rest = jnp.zeros((dim, dim)) if law.takes == "E" else jnp.eye(dim)
+    assert float(law.energy(rest)) == 0 and worst(stress(law, rest)) == 0
+    G = bodies.random(dim).normal(size=(dim, dim))
+    slope = jax.jvp(lambda A: law_stress(law, A), (rest,), (jnp.asarray(G),))[1]
+    assert worst(slope, linear((G + G.T) / 2)) < 1e-14  # 1
+    if dim == 1:
+        assert worst(slope / G, LAM + 2 * MU) < 1e-14  # 1
+
+
+def test_neo_hookean_energy_has_no_cancellation():
+    """ψ = (λ/2 + μ) ε² at a tiny uniaxial strain: the first terms of the energy cancel to 1e-16/ε² if summed naively."""
+    for size in (1e-3, 1e-6):
+        F = jnp.diag(jnp.array([1.0 + size, 1.0]))
+        exact = LAM / 2 * np.log1p(size) ** 2 + MU / 2 * (2 * size + size**2 - 2 * np.log1p(size))
+        assert worst(LAWS["neo-hookean"][0].energy(F) / exact, 1.0) < 1e-3  # 1
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_constants_are_traced_and_differentiable(name):
+    """Both forms are linear in their constants, so dS/dλ is the stress of (λ, μ) = (1, 0) and so on."""
+    law, _ = LAWS[name]
+    A = tensor(law, 2, 5)
+    slopes = jax.tree.leaves(jax.jacfwd(lambda law: law_stress(law, jnp.asarray(A)))(law))
+    constants = jax.tree.leaves(law)
+    total = sum(np.asarray(slope) * constant for slope, constant in zip(slopes, constants, strict=True))
+    assert len(constants) in (2, 3) and all(worst(slope) > 1e-3 for slope in slopes)
+    assert worst(total, stress(law, A)) < 1e-14  # 1
+
+
+def test_new_constants_compile_nothing():
+    compiled = jax.jit(law_stress)
+    for lam, mu in ((1.0, 2.0), (0.3, 0.1), (-0.2, 5.0)):
+        S = compiled(pd.LinearElastic(lam, mu), jnp.eye(2))
+        assert worst(S, (2 * lam + 2 * mu) * np.eye(2)) < 1e-14  # 1
+    assert compiled._cache_size() == 1
+
+
+@pytest.mark.parametrize("law", [pd.LinearElastic(1, 2), pd.NeoHookean(1, 2)])
+def test_constants_given_as_integers_are_real_numbers(law):
+    """Else each kind of number compiles again, and no derivative in a constant exists."""
+    assert jnp.issubdtype(law.lam.dtype, jnp.floating) and jnp.issubdtype(law.mu.dtype, jnp.floating)
+
+
+def test_an_order_given_as_an_integer_is_a_real_number():
+    assert jnp.issubdtype(pd.SethHill(1, LINEAR).m.dtype, jnp.floating)
+
+
+def test_constants_of_a_users_law_are_arrays():
+    """Python numbers are static under `eqx.filter_jit`: each new value would compile again."""
+    assert all(isinstance(leaf, jax.Array) for leaf in jax.tree.leaves(MODELS["seth_hill user law"].law))
+
+
+@pytest.mark.parametrize(
+    "call, named",
+    [
+        (lambda: pd.SethHill(1.0, pd.NeoHookean(LAM, MU)), "SethHill needs a law in a strain.*NeoHookean"),
+        (lambda: pd.SethHill(1.0, LAWS["user, in F"][0]), "SethHill needs a law in a strain"),
+        (lambda: pd.EnergyLaw(quartic, "S"), "takes must be one of E, F; got 'S'"),
+    ],
+)
+def test_wrong_use_names_the_argument(call, named):
+    with pytest.raises(ValueError, match=named):
+        call()
