@@ -20,6 +20,7 @@ from .influence import (
     inverse_distance_influence,
     linear_influence,
 )
+from .kinematics import bond_average_strain, local_strain, log_stretch, shape_tensor_K, shape_tensor_L
 from .laws import EnergyLaw, Law, LinearElastic, NeoHookean
 from .maps import StabilityMap, stability_map
 from .models import AbstractModel, Correspondence, PointStateModel, SethHill
@@ -53,6 +54,7 @@ __all__ = [
     "Stability",
     "StabilityMap",
     "bar",
+    "bond_average_strain",
     "center_block",
     "closed_forms",
     "cloud",
@@ -73,9 +75,13 @@ __all__ = [
     "lattice_family",
     "linear_influence",
     "load_slope",
+    "local_strain",
+    "log_stretch",
     "p_wave_modulus",
     "piola_stress",
     "plate",
+    "shape_tensor_K",
+    "shape_tensor_L",
     "simple_shear",
     "stability",
     "stability_map",

@@ -162,7 +162,7 @@ def _map(arguments) -> dict:
     law, path, influence = _setting(arguments)
     picture, data = (writable(f"{arguments.out}.{ending}") for ending in ("png", "npz"))
     start = time.perf_counter()
-    lines = ["diagonal", "affine", "local", "continuum"]
+    lines = ["diagonal", "material_center", "affine", "local", "continuum"]
     grid = pd.stability_map(
         m=arguments.m,
         a=arguments.a,

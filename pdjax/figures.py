@@ -97,45 +97,48 @@ def stability_map(grid: StabilityMap, horizon: int = 0) -> Figure:
     Lines are where each criterion's margin is zero; the paper's printed criterion is dashed.
     """
     pick = (lambda x: x[horizon]) if grid.margin.ndim == 3 else (lambda x: x)
-    settings, m, a, N = grid.settings, grid.m, grid.a, float(grid.N[horizon])
+    settings, N = grid.settings, float(grid.N[horizon])
     main = settings["criterion"]
-    margins = {main: pick(grid.margin), **{name: pick(values) for name, values in grid.lines.items()}}
-    tolerance = pick(grid.tolerance)
-    panels = [main] + (["diagonal"] if "diagonal" in grid.lines else [])
-    figure = Figure(figsize=(5.4 * len(panels) + 0.4, 5.6), layout="constrained")
-    axes = np.atleast_1d(figure.subplots(1, len(panels), sharey=True))
-    printed = _printed(grid, N)
+    lines = {name: pick(values) for name, values in grid.lines.items()}
+    beside = "diagonal" in lines and main != "diagonal"
+    figure = Figure(figsize=(5.4 * (1 + beside) + 0.4, 5.6), layout="constrained")
+    axes = np.atleast_1d(figure.subplots(1, 1 + beside, sharey=True))
     drawn: dict[str, Line2D] = {}
 
-    def line(on: Axes, name: str, values, label: str, style) -> None:
+    def line(on: Axes, name: str, m, a, values, style, label: str | None = None) -> None:
         if _zero(on, m, a, values, COLOURS[name], style):
+            label = label or LABELS.get(name, name)
             drawn[name] = Line2D([], [], color=COLOURS[name], linestyle=style, linewidth=1.6, label=label)
 
-    for on, name in zip(axes, panels, strict=True):
-        words = verdicts(margins[name], tolerance if name == main else 1e-12)
-        _regions(on, m, a, words)
-        on.set_title(f"{LABELS.get(name, name)}: {np.mean(words == 'unstable'):.0%} of this map unstable", fontsize=10)
+    def unstable_share(words) -> str:
+        return f"{np.mean(words == 'unstable'):.0%} of this map unstable"
+
+    words = verdicts(pick(grid.margin), pick(grid.tolerance))
+    _regions(axes[0], grid.m, grid.a, words)
+    axes[0].set_title(f"{LABELS.get(main, main)}: {unstable_share(words)}", fontsize=10)
+    for name, values in lines.items():
+        line(axes[0], name, grid.line_m, grid.line_a, values, STYLES.get(name, "-"))
+    line(axes[0], main, grid.m, grid.a, pick(grid.margin), "-")
+    if beside:
+        values = lines["diagonal"]
+        colours = [_REGIONS["stable"], _REGIONS["unstable"]]
+        axes[1].contourf(grid.line_m, grid.line_a, values.T, levels=[-np.inf, 0, np.inf], colors=colours)
+        axes[1].set_title(f"diagonal: {unstable_share(verdicts(values, 0.0))}", fontsize=10)
+        line(axes[1], "diagonal", grid.line_m, grid.line_a, values, "-")
+    if beside or main == "diagonal":
+        printed = _printed(grid, N)
+        if printed is not None:
+            line(axes[-1], "printed", grid.m, grid.a, printed, "--", "diagonal, as printed in the paper")
+    for on in axes:
         on.set_xlabel("order m of the Seth–Hill strain  [–]")
-        on.set_xlim(m.min(), m.max())
-        on.set_ylim(a.min(), a.max())
-        if name == main:
-            for other, values in margins.items():
-                line(on, other, values, LABELS.get(other, other), STYLES.get(other, "-"))
-        else:
-            line(on, name, margins[name], LABELS.get(name, name), "-")
-        if name == "diagonal" or (len(panels) == 1 and printed is not None):
-            if printed is not None:
-                line(on, "printed", printed, "diagonal, as printed in the paper", "--")
+        on.set_xlim(grid.m.min(), grid.m.max())
+        on.set_ylim(grid.a.min(), grid.a.max())
     axes[0].set_ylabel(f"{settings['path'].replace('_', ' ')} load a  [%]")
     _percent(axes[0].yaxis)
-    patches = [
-        matplotlib.patches.Patch(facecolor=_REGIONS[word], edgecolor="#888888", label=word)
-        for word in _WORDS
-        if (grid.verdict == word).any() and word != "marginal"
-    ]
-    figure.legend(
-        handles=patches + list(drawn.values()), loc="outside lower center", ncols=4, fontsize=9, frameon=False
-    )
+    seen = [word for word in ("stable", "unstable", "undefined") if (words == word).any()]
+    patches = [matplotlib.patches.Patch(facecolor=_REGIONS[w], edgecolor="#888888", label=w) for w in seen]
+    handles = patches + list(drawn.values())
+    figure.legend(handles=handles, loc="outside lower center", ncols=4, fontsize=9, frameon=False)
     figure.suptitle(f"Stability of an infinite lattice, {settings['dim']}D, N = {N:g}, {settings['law']}", fontsize=11)
     return figure
 

@@ -29,6 +29,8 @@ from .paths import Path, hydrostatic, path_symmetry
 
 _SAVE_EVERY = 30.0  # seconds between partial saves
 _CHUNK_BYTES = 2**23  # of screened symbols at once: what the caches hold
+_ARRAYS = ("m", "a", "N", "margin", "eigenvalue", "tolerance", "line_m", "line_a")
+_LINE_POINTS = 64
 
 
 @dataclass(frozen=True)
@@ -36,7 +38,8 @@ class StabilityMap:
     """Margins over orders m and loads a (and horizons N, if several were asked for).
 
     m (orders,), a (loads,) [-]; margin, eigenvalue, tolerance (orders, loads), or (horizons, orders, loads);
-    lines: the margins of other criteria on the same grid; settings: everything needed to compute it again.
+    lines: the margins of other criteria over line_m and line_a, the same grid thinned to at most 64 along an axis,
+    plenty for a contour; settings: everything needed to compute it again.
     """
 
     m: np.ndarray
@@ -45,6 +48,8 @@ class StabilityMap:
     margin: Float[np.ndarray, "*grid"]
     eigenvalue: Float[np.ndarray, "*grid"]
     tolerance: Float[np.ndarray, "*grid"]
+    line_m: np.ndarray
+    line_a: np.ndarray
     lines: dict[str, np.ndarray] = field(default_factory=dict)
     settings: dict = field(default_factory=dict)
 
@@ -62,12 +67,7 @@ class StabilityMap:
             with open(part, "wb") as stream:
                 np.savez_compressed(
                     stream,
-                    m=self.m,
-                    a=self.a,
-                    N=self.N,
-                    margin=self.margin,
-                    eigenvalue=self.eigenvalue,
-                    tolerance=self.tolerance,
+                    **{name: getattr(self, name) for name in _ARRAYS},
                     settings=json.dumps(self.settings),
                     **arrays,  # type: ignore[arg-type]
                 )
@@ -82,10 +82,7 @@ class StabilityMap:
         with np.load(path) as file:
             lines = {name[5:]: file[name] for name in file.files if name.startswith("line_")}
             settings = json.loads(str(file["settings"]))
-            m, a, N, margin, eigenvalue, tolerance = (
-                file[k] for k in ("m", "a", "N", "margin", "eigenvalue", "tolerance")
-            )
-            return cls(m, a, N, margin, eigenvalue, tolerance, lines, settings)
+            return cls(**{name: file[name] for name in _ARRAYS}, lines=lines, settings=settings)
 
 
 def _free_memory() -> float:
@@ -97,16 +94,14 @@ def _free_memory() -> float:
 
 @eqx.filter_jit
 def _chunk(m, a, fam, law, path: Path, names: tuple[str, ...], intervals: int | None):
-    """(margin, eigenvalue, tolerance) of the first criterion and the margins of the others, for pairs (m, a)."""
+    """(margin, eigenvalue, tolerance) of every named criterion, for pairs (m, a)."""
     zone = family_zone(fam, path_symmetry(path, fam), intervals)
 
     def one(m, a):
         model = SethHill(m, law)
         F = path(a, model, fam)
-        out = evaluate(names[0], model, fam, F, zone, fastest=True)
-        others = tuple(evaluate(name, model, fam, F, zone).margin for name in names[1:])
-        tolerance = jnp.asarray(margin_tolerance(m.dtype, out.scale), m.dtype)
-        return (out.margin, out.eigenvalue, tolerance), others
+        outs = [evaluate(name, model, fam, F, zone, fastest=True) for name in names]
+        return [(o.margin, o.eigenvalue, jnp.asarray(margin_tolerance(m.dtype, o.scale), m.dtype)) for o in outs]
 
     return jax.vmap(one)(m, a)
 
@@ -163,48 +158,46 @@ def stability_map(
         )
     target = None if save is None else writable(save)
 
-    results = [np.full(shape, np.nan) for _ in range(2 + len(names))]
-    M, A = (x.reshape(-1) for x in np.meshgrid(orders, loads, indexing="ij"))
     fams = [lattice_family(dim, float(n), influence=influence) for n in horizons]
     for fam in fams:
         check_model(SethHill(jnp.asarray(orders[0]), law), fam)
         _check_loads(loads, orders, fam, law, path)
-
-    used: list[int] = []
+    zones = [family_zone(fam, path_symmetry(path, fam), resolution) for fam in fams]
+    settings = {
+        "dim": dim,
+        "N": horizons.tolist(),
+        "law": law_label(law),
+        "path": getattr(path, "__name__", repr(path)),
+        "criterion": criterion,
+        "influence": getattr(influence, "__name__", repr(influence)),
+        "resolution": [zone.intervals for zone in zones],
+        "dtype": str(fams[0].xi.dtype),
+    }
+    thin_m, thin_a = (
+        x[np.linspace(0, len(x) - 1, min(len(x), _LINE_POINTS)).round().astype(int)] for x in (orders, loads)
+    )
+    results = np.full((3, *shape), np.nan)
+    extra = np.full((len(lines), len(horizons), len(thin_m), len(thin_a)), np.nan)
 
     def result() -> StabilityMap:
-        margin, eigenvalue, tolerance, *rest = (r if np.ndim(N) else r[0] for r in results)
-        settings = {
-            "dim": dim,
-            "N": horizons.tolist(),
-            "law": law_label(law),
-            "path": getattr(path, "__name__", repr(path)),
-            "criterion": criterion,
-            "influence": getattr(influence, "__name__", repr(influence)),
-            "resolution": used or None,
-            "dtype": str(fams[0].xi.dtype),
-        }
-        return StabilityMap(
-            orders, loads, horizons, margin, eigenvalue, tolerance, dict(zip(names[1:], rest, strict=True)), settings
-        )
+        margin, eigenvalue, tolerance = results if np.ndim(N) else results[:, 0]
+        rest = dict(zip(names[1:], extra if np.ndim(N) else extra[:, 0], strict=True))
+        return StabilityMap(orders, loads, horizons, margin, eigenvalue, tolerance, thin_m, thin_a, rest, settings)
 
     jobs = []
-    for n, fam in enumerate(fams):
-        zone = family_zone(fam, path_symmetry(path, fam), resolution)
-        used.append(zone.intervals)
-        wide = len(zone.grid) if "symbol" in names else fam.xi.size
-        size = int(np.clip(_CHUNK_BYTES // (8 * wide * dim * (dim + 4)), 16, 4096))
-        size = min(size, len(M))
-        jobs += [(n, fam, start, size) for start in range(0, len(M), size)]
+    for n, (fam, zone) in enumerate(zip(fams, zones, strict=True)):
+        wide = 8 * len(zone.grid) * dim * (dim + 4)
+        jobs += _jobs(fam, names[:1], orders, loads, wide, results[:, n].reshape(3, 1, -1))
+        if lines:
+            jobs += _jobs(fam, names[1:], thin_m, thin_a, wide, extra[:, n].reshape(1, len(lines), -1))
     saved = time.monotonic()
-    for n, fam, start, size in progress(jobs, len(jobs), f"{criterion} map", show_progress):
-        index = np.minimum(np.arange(start, start + size), len(M) - 1)  # the last chunk repeats its last state
-        real = fam.xi.dtype
-        main, others = _chunk(
-            jnp.asarray(M[index], real), jnp.asarray(A[index], real), fam, law, path, names, resolution
+    for fam, which, m_part, a_part, index, out in progress(jobs, len(jobs), f"{criterion} map", show_progress):
+        values = _chunk(
+            jnp.asarray(m_part, fam.xi.dtype), jnp.asarray(a_part, fam.xi.dtype), fam, law, path, which, resolution
         )
-        for out, values in zip(results, (*main, *others), strict=True):
-            out[n].reshape(-1)[index] = np.asarray(values)
+        for c, kinds in enumerate(values):
+            for kind in range(len(out)):
+                out[kind, c, index] = np.asarray(kinds[kind])
         if target is not None and time.monotonic() - saved > _SAVE_EVERY:
             result().save(target)
             saved = time.monotonic()
@@ -212,3 +205,14 @@ def stability_map(
     if target is not None:
         final.save(target)
     return final
+
+
+def _jobs(fam, names: tuple[str, ...], orders, loads, wide: float, out: np.ndarray) -> list:
+    """The grid of one family in chunks of equal size: (family, criteria, m, a, where the results go)."""
+    M, A = (x.reshape(-1) for x in np.meshgrid(orders, loads, indexing="ij"))
+    size = min(int(np.clip(_CHUNK_BYTES // wide, 16, 4096)), len(M))
+    jobs = []
+    for start in range(0, len(M), size):
+        index = np.minimum(np.arange(start, start + size), len(M) - 1)  # the last chunk repeats its last state
+        jobs.append((fam, names, M[index], A[index], index, out))
+    return jobs

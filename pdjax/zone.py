@@ -65,6 +65,14 @@ def brillouin_zone(dim: int, intervals: int, symmetry: str = "inversion") -> Zon
     return Zone(index * step, members, step, intervals, symmetry)
 
 
+def half_reciprocal_points(dim: int) -> np.ndarray:
+    """The (2^dim − 1, dim) wave vectors with components 0 or π, not all 0, in units of 1/spacing."""
+    if dim not in (1, 2, 3):
+        raise ValueError(f"dim must be 1, 2 or 3; got {dim!r}")
+    corners = np.stack(np.meshgrid(*[(0.0, np.pi)] * dim, indexing="ij"), axis=-1)
+    return corners.reshape(-1, dim)[1:]
+
+
 @lru_cache(maxsize=8)
 def directions(dim: int) -> np.ndarray:
     """Unit directions over half a circle or sphere, the axes among them (inversion does the rest)."""
@@ -115,11 +123,13 @@ def nudge(dim: int, step: float) -> np.ndarray:
 def refine(matrix: Callable[[Array], Array], start: Float[Array, " dim"], steps: int = 40) -> Float[Array, " dim"]:
     """Climb λ_max(matrix(x)) from `start` by BFGS on the joint quotient over x and the vector."""
     dim = start.shape[0]
-    _, e = top_pair(matrix(start))
+    value, e = top_pair(matrix(start))
+    # tolerances are relative to where the climb starts: at tiny loads the margins sought are tiny too
+    unit = jnp.maximum(jnp.abs(value), jnp.finfo(start.dtype).tiny ** 0.5)
 
     def loss(y, _):
         x, v = y[:dim], y[dim:]
-        return -(v @ matrix(x) @ v) / (v @ v)
+        return -(v @ matrix(x) @ v) / (v @ v) / unit
 
     tolerance = float(jnp.finfo(start.dtype).eps) ** 0.75
     solver: optx.BFGS = optx.BFGS(rtol=tolerance, atol=tolerance)

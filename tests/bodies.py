@@ -69,6 +69,14 @@ def deformation(dim, *key, size=0.1):
     return np.eye(dim) + size * random(dim, *key).uniform(-1, 1, (dim, dim))
 
 
+def rotation(dim, *key):
+    """A random proper rotation."""
+    Q, R = np.linalg.qr(random(dim, *key).normal(size=(dim, dim)))
+    Q = Q * np.sign(np.diag(R))
+    Q[:, 0] *= np.linalg.det(Q)
+    return Q
+
+
 def displacement(dim, kind, *key, size=0.1):
     """A large affine part and noise: no point is like another."""
     X = points(dim, kind).positions

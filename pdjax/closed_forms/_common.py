@@ -3,7 +3,7 @@
     E_m(a) = ((1 + a)^{2m} − 1)/(2m) = L (e^x − 1)/x,   L = log(1 + a), x = 2mL
     edge:    c₁ (1 + a)^{2m} + c₂ E_m(a) = 0   ⇔   log(1 + a) = −z log(1 + t)/t,  z = c₁/c₂, t = 2mz
 
-Both quotients are smooth through 0, where m = 0 (Hencky) sits: a Taylor branch stands in for 0/0.
+Both quotients are smooth through 0, where m = 0 (Hencky) sits; the first is `kinematics.seth_hill`.
 
 Symbols: a hydrostatic strain, F = (1 + a) I; m order of the strain measure; N = δ/h horizon over spacing.
 """
@@ -14,6 +14,10 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
+
+from .._checks import choice, is_concrete
+from ..kinematics import seth_hill
+from ..neighbours import cells_within
 
 FORMS = ("printed", "corrected")
 
@@ -32,11 +36,6 @@ SLIPS = {
 }
 
 
-def is_concrete(*values: Any) -> bool:
-    """True if no value is a tracer, so that it can be looked at now."""
-    return not any(isinstance(value, jax.core.Tracer) for value in values)
-
-
 def check_dim(dim: int) -> int:
     """`dim` if it is 1, 2 or 3; else ValueError."""
     if dim not in (1, 2, 3):
@@ -46,9 +45,7 @@ def check_dim(dim: int) -> int:
 
 def check_form(form: str) -> str:
     """`form` if it is "printed" or "corrected"; else ValueError."""
-    if form not in FORMS:
-        raise ValueError(f"form must be one of {', '.join(FORMS)}; got {form!r}")
-    return form
+    return choice("form", form, FORMS)
 
 
 def corrected_slips(form: str | Collection[str], known: tuple[str, ...]) -> frozenset[str]:
@@ -77,23 +74,21 @@ def check_ratio(N: Any, whole: bool = False) -> float:
     return int(N) if float(N) == int(N) else float(N)
 
 
-def _quotient(function, coefficients, x, radius):
-    """function(x)/x, or its Taylor polynomial within `radius`: smooth, with smooth derivatives, through 0."""
-    near = jnp.abs(x) < radius
-    series = jnp.polyval(jnp.asarray(coefficients, dtype=x.dtype), jnp.where(near, x, 0.0))
+def _log1p_over(x):
+    """log(1 + x)/x, or its Taylor polynomial within 0.05: smooth, with smooth derivatives, through 0."""
+    near = jnp.abs(x) < 0.05
+    series = jnp.polyval(jnp.asarray(_LOG1P, dtype=x.dtype), jnp.where(near, x, 0.0))
     far = jnp.where(near, 1.0, x)
-    return jnp.where(near, series, function(far) / far)
+    return jnp.where(near, series, jnp.log1p(far) / far)
 
 
-# Truncation at the switch: 0.1^12/13! = 2e-22 and 0.05^12/13 = 2e-17, below float64 rounding.
-_EXPM1 = 1 / np.cumprod(np.arange(1.0, 13.0))[::-1]
+# Truncation at the switch: 0.05^12/13 = 2e-17, below float64 rounding.
 _LOG1P = ((-1.0) ** np.arange(12) / np.arange(1.0, 13.0))[::-1]
 
 
 def hydrostatic_strain(a: jax.Array, m: Any) -> jax.Array:
     """E_m(a) = ((1 + a)^{2m} − 1)/(2m), smooth through m = 0, where it is log(1 + a)."""
-    log_stretch = jnp.log1p(a)
-    return log_stretch * _quotient(jnp.expm1, _EXPM1, 2 * m * log_stretch, 0.1)
+    return seth_hill(jnp.log1p(a), m)
 
 
 def edge(z: jax.Array, m: Any) -> jax.Array:
@@ -101,7 +96,7 @@ def edge(z: jax.Array, m: Any) -> jax.Array:
     t = 2 * jnp.asarray(m) * z
     exists = jnp.isfinite(t) & (t > -1)
     safe = jnp.where(exists, t, 0.0)
-    root = jnp.expm1(-jnp.where(exists, z, 0.0) * _quotient(jnp.log1p, _LOG1P, safe, 0.05))
+    root = jnp.expm1(-jnp.where(exists, z, 0.0) * _log1p_over(safe))
     return jnp.where(exists, root, jnp.where(z > 0, -jnp.inf, jnp.inf))
 
 
@@ -112,7 +107,4 @@ def lattice_bonds(dim: int, N: float) -> np.ndarray:
     dim, N.
     """
     dim, N = check_dim(dim), check_ratio(N)
-    axis = np.arange(-int(N + 1), int(N + 1) + 1)
-    points = np.stack(np.meshgrid(*[axis] * dim, indexing="ij"), axis=-1).reshape(-1, dim)
-    distance = np.linalg.norm(points, axis=1)
-    return points[(distance > 0) & (distance <= N * (1 + 1e-9))].astype(float)
+    return cells_within(dim, N).astype(float)

@@ -23,7 +23,8 @@ import itertools
 import jax.numpy as jnp
 import numpy as np
 
-from ._common import check_form, hydrostatic_strain, is_concrete
+from .._checks import is_concrete
+from ._common import check_form, hydrostatic_strain
 
 
 def dual_dyads(xi, weights):

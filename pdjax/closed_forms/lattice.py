@@ -19,11 +19,10 @@ m < 1 − S₀/(2 s_min), with s the eigenvalues of S_n. As tr S_n = S₀, these
 Source: ours; the diagonal extends eqn:finaldf of Behzadinasab & Foster.
 """
 
-import itertools
-
 import jax.numpy as jnp
 import numpy as np
 
+from ..zone import half_reciprocal_points
 from ._common import check_dim, check_load, check_ratio, edge, hydrostatic_strain, lattice_bonds
 
 
@@ -76,15 +75,6 @@ def lattice_critical_load(m, dim, N, lam, mu):
     m = jnp.asarray(m, dtype=jnp.result_type(m, float))
     slope = 2 * count * kappa * (dim + 2 * (m - 1))
     return edge(jnp.where(slope == 0, -jnp.inf, c / jnp.where(slope == 0, 1.0, slope)), m)
-
-
-def half_reciprocal_points(dim):
-    """The 2^d − 1 wave vectors with components 0 or π/h, in units of 1/h; k = 0 is left out.
-
-    Arguments: dim. Returns: (2^dim − 1, dim) [-]. Raises: ValueError for dim.
-    """
-    corners = itertools.product((0.0, np.pi), repeat=check_dim(dim))
-    return np.array([k for k in corners if any(k)])
 
 
 def odd_bond_sums(dim, N, influence=None):

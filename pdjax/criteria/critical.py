@@ -11,8 +11,6 @@ sign of dλ/da at those points decides whether a side is unstable at once, for w
 m is `threshold_order`, the m at which the side turns.
 """
 
-import itertools
-
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -27,7 +25,7 @@ from ..models.base import AbstractModel
 from ..models.seth_hill import SethHill
 from ..neighbours import Family
 from ..paths import Path, hydrostatic, path_symmetry
-from ..zone import Zone
+from ..zone import Zone, half_reciprocal_points
 from . import CRITERIA, evaluate, family_zone, margin_tolerance
 
 SIDES = ("negative", "positive")
@@ -125,12 +123,6 @@ def critical_load(
     sign = jnp.asarray(-1.0 if side == "negative" else 1.0, fam.xi.dtype)
     samples = jnp.asarray(_samples(float(limit)), fam.xi.dtype)
     return _critical_jit(model, fam, path, criterion, sign, samples, resolution)
-
-
-def half_reciprocal_points(dim: int) -> np.ndarray:
-    """The 2^dim − 1 wave vectors with components 0 or π, in units of 1/spacing."""
-    corners = itertools.product((0.0, np.pi), repeat=dim)
-    return np.array([k for k in corners if any(k)])
 
 
 def load_slope(model: AbstractModel, fam: Family, path: Path = hydrostatic, side: str = "positive") -> Float[Array, ""]:

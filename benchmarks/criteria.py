@@ -1,0 +1,63 @@
+"""What each criterion costs and how often it is wrong, against the symbol, over the default map (2D, N = 3,
+hydrostatic).
+
+A missed instability is a state that the symbol calls unstable and the criterion does not; a false alarm is the
+reverse. The necessary criteria may miss and never raise a false alarm; the material test is sufficient, so it may
+only do the reverse.
+"""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from _harness import timed, write
+from matplotlib.figure import Figure
+
+import pdjax as pd
+from pdjax import criteria, zone
+from pdjax.figures import COLOURS
+
+jax.config.update("jax_enable_x64", True)
+LAW = pd.LinearElastic(1.0, 1.0)
+
+
+def main() -> None:
+    fam = pd.lattice_family(2, 3)
+    z = zone.brillouin_zone(2, 24, "cubic")
+    m, a = (x.reshape(-1) for x in jnp.meshgrid(jnp.linspace(-2, 2, 32), jnp.linspace(-0.3, 0.3, 32)))
+
+    def margin(name):
+        return jax.jit(
+            jax.vmap(lambda m, a: criteria.evaluate(name, pd.SethHill(m, LAW), fam, (1 + a) * jnp.eye(2), z).margin)
+        )
+
+    kernels = {name: margin(name) for name in criteria.CRITERIA}
+    unstable = np.asarray(kernels["symbol"](m, a)) > 1e-12
+    rows = {}
+    for name, kernel in kernels.items():
+        says = np.asarray(kernel(m, a)) > 1e-12
+        spent = timed(lambda k=kernel: k(m, a), repeats=3)
+        rows[name] = {
+            "microseconds per state": 1e6 * spent["median"] / len(m),
+            "seconds to compile": spent["first"] - spent["median"],
+            "missed instabilities": float(np.mean(unstable & ~says)),
+            "false alarms": float(np.mean(~unstable & says)),
+        }
+    figure = Figure(figsize=(6.6, 4.2), layout="constrained")
+    axes = figure.subplots()
+    for name, row in rows.items():
+        x, missed, alarms = (row[k] for k in ("microseconds per state", "missed instabilities", "false alarms"))
+        axes.plot([x], [100 * missed], "o", color=COLOURS[name])
+        axes.plot([x], [100 * alarms], "x", color=COLOURS[name])
+        axes.annotate(name, (x, 100 * max(missed, alarms)), textcoords="offset points", xytext=(5, 5), fontsize=8)
+    axes.plot([], [], "o", color="#888888", label="missed instabilities")
+    axes.plot([], [], "x", color="#888888", label="false alarms")
+    axes.set_xscale("log")
+    axes.set_xlabel("time for one state (m, a)  [µs]")
+    axes.set_ylabel("share of the map judged wrongly  [%]")
+    axes.set_title("Criteria against the exact symbol, 2D, N = 3, hydrostatic", fontsize=10)
+    axes.legend(frameon=False, fontsize=8)
+    write("criteria", {"states": len(m), "criteria": rows}, figure)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,81 @@
+"""The command line, in process: files, tables, JSON, and errors that name what was wrong and leave nothing behind."""
+
+import json
+
+import numpy as np
+import pytest
+
+from pdjax import StabilityMap
+from pdjax.__main__ import main
+
+SMALL = ["map", "--m=-1:2:4", "--a=-0.1:0.1:3"]
+
+
+def test_map_writes_figure_data_and_table(tmp_path, capsys):
+    assert main([*SMALL, "--out", str(tmp_path / "small")]) == 0
+    said = capsys.readouterr().out
+    assert (tmp_path / "small.png").stat().st_size > 10_000
+    grid = StabilityMap.load(tmp_path / "small.npz")
+    assert grid.verdict.tolist()[2] == ["unstable", "marginal", "stable"]  # m = 1
+    assert grid.settings["law"] == "LinearElastic(lam=1, mu=1)"
+    assert "-0.0254" in said  # m = 1, diagonal
+    assert "60.1%" not in said  # the shares are this map's, not the default's
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["small.npz", "small.png"]
+
+
+def test_json_is_one_object(tmp_path, capsys):
+    assert main(["critical", "--dim", "1", "--m", "1", "--criterion", "diagonal", "--json"]) == 0
+    rows = json.loads(capsys.readouterr().out)["critical_loads"]
+    loads = {row["side"]: row["a_cr"] for row in rows}
+    assert loads["negative"] == pytest.approx(-0.0741799, abs=1e-6)  # the paper's -0.074
+    assert loads["positive"] == "inf"
+
+
+def test_symbol_says_what_the_library_says(tmp_path, capsys):
+    out = tmp_path / "spectrum.png"
+    assert main(["symbol", "--m", "0", "--a=-0.02", "--out", str(out), "--json"]) == 0
+    said = json.loads(capsys.readouterr().out)
+    assert said["verdict"] == "unstable"
+    assert said["eigenvalue"] == pytest.approx(0.0420924, abs=1e-6)
+    assert np.isclose(np.linalg.norm(said["mode"]), 1)
+    assert out.exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["map", "--N", "0.5"], "N (horizon / spacing)"),
+        (["map", "--N", "1"], "invertible shape tensor"),
+        (["map", "--a=-1.2:0:5"], "a must be > -1"),
+        (["map", "--m=nan:1:3"], "m must be finite"),
+        (["map", "--out", "no-such-folder/x"], "does not exist"),
+        (["critical", "--criterion", "norm"], "criterion must be one of"),
+        (["symbol", "--a=-1.5", "--dim", "3"], "det F > 0"),
+        (["symbol", "--resolution", "1"], "resolution must be"),
+    ],
+)
+def test_bad_input_is_said_and_leaves_nothing(arguments, words, tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert main(arguments) == 2
+    assert words in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("arguments", [["map", "--m", "abc"], ["map", "--dim", "4"], []])
+def test_wrong_words_get_the_usage(arguments, capsys):
+    with pytest.raises(SystemExit) as stop:
+        main(arguments)
+    assert stop.value.code == 2
+    assert "usage: pdjax" in capsys.readouterr().err
+
+
+def test_a_failed_map_keeps_the_old_file(tmp_path, capsys, monkeypatch):
+    """An interrupt in the middle: exit 130, and the file of the last run is as it was."""
+    import pdjax.maps
+
+    old = tmp_path / "small.npz"
+    old.write_bytes(b"old")
+    monkeypatch.setattr(pdjax.maps, "_chunk", lambda *_: (_ for _ in ()).throw(KeyboardInterrupt))
+    assert main([*SMALL, "--out", str(tmp_path / "small")]) == 130
+    assert "interrupted" in capsys.readouterr().err
+    assert old.read_bytes() == b"old"

@@ -1,0 +1,36 @@
+"""Figures: axes are labelled with units, every drawn line is in the legend, nothing needs a display."""
+
+import numpy as np
+import pytest
+
+import pdjax as pd
+
+
+@pytest.fixture(scope="module")
+def grid(law):
+    return pd.stability_map(
+        np.linspace(-2, 2, 9), np.linspace(-0.3, 0.3, 8), law=law, lines=("diagonal", "continuum"), show_progress=False
+    )
+
+
+def test_map_names_axes_units_and_criteria(grid):
+    figure = pd.figures.stability_map(grid)
+    left, right = figure.axes
+    assert "[–]" in left.get_xlabel() and "[%]" in left.get_ylabel()
+    words = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert {"stable", "unstable", "symbol (exact)", "diagonal", "diagonal, as printed in the paper"} <= set(words)
+    assert "diagonal" in right.get_title()
+    assert "LinearElastic(lam=1, mu=1)" in figure.get_suptitle()
+
+
+def test_printed_criterion_only_where_the_paper_prints_one(grid):
+    assert pd.figures._printed(grid, 3.0) is not None
+    assert pd.figures._printed(grid, 3.5) is None
+    other = dict(grid.settings, path="uniaxial_strain")
+    moved = pd.StabilityMap(grid.m, grid.a, grid.N, grid.margin, grid.eigenvalue, grid.tolerance, grid.line_m, grid.line_a, {}, other)
+    assert pd.figures._printed(moved, 3.0) is None
+
+
+def test_unknown_attribute_is_an_attribute_error():
+    with pytest.raises(AttributeError, match="no attribute 'figure'"):
+        _ = pd.figure

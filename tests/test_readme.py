@@ -1,0 +1,31 @@
+"""Every Python block of the README runs, one after the other as a reader would; its commands are what CI runs."""
+
+import re
+from pathlib import Path
+
+ROOT = Path(__file__).parent.parent
+TEXT = (ROOT / "README.md").read_text()
+
+
+def test_python_blocks_run(capsys):
+    blocks = re.findall(r"```python\n(.*?)```", TEXT, flags=re.S)
+    assert len(blocks) == 2
+    scope: dict = {}
+    for block in blocks:
+        exec(compile(block, "README.md", "exec"), scope)
+    said = capsys.readouterr().out
+    assert "symbol: unstable" in said
+    assert "\nstable\n" in said  # the diagonal's verdict
+    assert "-0.0254" in said
+
+
+def test_paths_and_links_exist():
+    for target in re.findall(r"\]\(([^)#]+)\)", TEXT) + re.findall(r"`((?:benchmarks|notebooks)/[^`]*)`", TEXT):
+        assert (ROOT / target).exists(), target
+
+
+def test_set_up_commands_are_what_ci_runs():
+    ci = (ROOT / ".ci" / "run").read_text()
+    for words in ('pip install --quiet -e ".[test', "python -m pytest", "pdjax map"):
+        assert words in ci
+    assert 'pip install -e ".[test]" && python -m pytest' in TEXT
