@@ -77,7 +77,12 @@ def center_block(model: AbstractModel, fam: Family, F) -> Float[Array, "dim dim"
     Arguments: F (dim, dim).  Returns: (dim, dim) [force/length^(dim+1)].  Raises: as `force_state`.
     """
     check_model(model, fam)
-    bonds = fam.bonds(deformation_gradient(F, fam.dim))
+    return block_at_center(model, fam, deformation_gradient(F, fam.dim))
+
+
+def block_at_center(model: AbstractModel, fam: Family, F: Float[Array, "dim dim"]) -> Float[Array, "dim dim"]:
+    """`center_block` unchecked, for drivers to trace."""
+    bonds = fam.bonds(F)
     if isinstance(model, PointStateModel):  # the same sums without ever forming C
         t = linearise_states(model, bonds)
         far = jnp.einsum("b,bir,rbj->ij", bonds.volume, t.G + t.there, t.R)
@@ -106,10 +111,13 @@ def jacobian(model: AbstractModel, fams: Families, u, form: str = "sparse", F=No
     bonds = body_bonds(model, fams, u, F)
     if form == "sparse":
         return _sparse(model, fams, bonds)
-    n = len(fams) * fams.dim
-    u = jnp.asarray(u, dtype=fams.xi.dtype)
-    dense = jax.jit(jax.jacfwd(lambda flat: force_density(model, fams, flat.reshape(u.shape), F).reshape(-1)))
-    return dense(u.reshape(-1)).reshape(n, n)
+    return _dense(model, fams, jnp.asarray(u, dtype=fams.xi.dtype), F)
+
+
+@eqx.filter_jit
+def _dense(model, fams, u, F):
+    n = u.size
+    return jax.jacfwd(lambda w: force_density(model, fams, w, F))(u).reshape(n, n)
 
 
 @eqx.filter_jit

@@ -62,7 +62,7 @@ def brillouin_zone(dim: int, intervals: int, symmetry: str = "inversion") -> Zon
     most = max(len(g) for g in groups)
     members = np.stack([np.concatenate([g, np.full(most - len(g), g[0])]) for g in groups])
     step = np.pi / intervals
-    return Zone(index * step, members, step, intervals, symmetry)
+    return Zone(np.pi * (index / intervals), members, step, intervals, symmetry)  # π exactly at the corners
 
 
 def half_reciprocal_points(dim: int) -> np.ndarray:
@@ -98,7 +98,7 @@ def largest_eigenvalue(A: list[list[Array]]) -> Array:
     d, e, f = A[0][1], A[0][2], A[1][2]
     p = jnp.sqrt((a**2 + b**2 + c**2 + 2 * (d**2 + e**2 + f**2)) / 6)
     det = a * (b * c - f**2) - d * (d * c - f * e) + e * (d * f - b * e)
-    cosine = jnp.clip(det / (2 * jnp.maximum(p, jnp.finfo(p.dtype).tiny) ** 3), -1, 1)
+    cosine = jnp.clip(det / (2 * jnp.maximum(p**3, jnp.finfo(p.dtype).tiny)), -1, 1)  # a multiple of I: 0/tiny
     return mean + 2 * p * jnp.cos(jnp.arccos(cosine) / 3)
 
 

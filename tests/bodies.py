@@ -94,8 +94,8 @@ class Response(NamedTuple):
     """What a body answers to a displacement."""
 
     force: jax.Array
-    energy: jax.Array
-    gradient: jax.Array  # ∂Π/∂u
+    energy: jax.Array | None  # None where the model has none
+    gradient: jax.Array | None  # ∂Π/∂u
     jacobian: jax.Array  # dense
     strain: jax.Array
     stress: jax.Array
@@ -104,7 +104,9 @@ class Response(NamedTuple):
 @jax.jit
 def respond(model, fams, u):
     """Everything about a body at once: one compile for each kind of model and shape."""
-    energy, gradient = jax.value_and_grad(lambda v: pd.strain_energy(model, fams, v))(u)
+    energy = gradient = None
+    if model.hyperelastic:
+        energy, gradient = jax.value_and_grad(lambda v: pd.strain_energy(model, fams, v))(u)
     return Response(
         pd.force_density(model, fams, u),
         energy,

@@ -25,7 +25,14 @@ PEER_INFLUENCE = {1: lambda r, d: np.where(2 * r <= d, 1 - 6 * (r / d) ** 2 + 6 
 PEER_INFLUENCE[2] = lambda r, d: np.exp(-4 * (r / d) ** 2)
 PEER_INFLUENCE[3] = None
 
-symbol, center_block = eqx.filter_jit(pd.symbol), eqx.filter_jit(pd.center_block)
+compiled, center_block = eqx.filter_jit(pd.symbol), eqx.filter_jit(pd.center_block)
+
+
+def symbol(model, fam, F, k):
+    """`pd.symbol` at k (waves, dim), four waves a call: one compiled function for each class of model and family."""
+    parts = np.array_split(k, range(4, len(k), 4))
+    padded = [np.concatenate([part, part[:1].repeat(4 - len(part), axis=0)]) for part in parts]
+    return np.concatenate([compiled(model, fam, F, part) for part in padded])[: len(k)]
 
 
 # ---------------------------------------------------------------- peers in NumPy
@@ -65,7 +72,7 @@ class Peer:
         phase = np.exp(1j * np.atleast_2d(k) @ self.xi.T)
         dT = np.einsum("bicj,kc->kbij", self.C, phase - 1, optimize=True)
         J = np.sum(dT - phase[:, :, None, None] * dT[:, self.mirror], axis=1)
-        assert np.max(np.abs(J.imag)) < 1e-12 * np.abs(self.C).max() * len(self.xi)  # 3e-16: real by parity
+        assert np.max(np.abs(J.imag)) < 1e-12 * np.abs(self.C).max() * len(self.xi)  # 2e-16: real by parity
         return J.real
 
     def top(self, k):
@@ -83,6 +90,36 @@ class Peer:
         x = n @ self.xi.T
         acoustic = np.einsum("kb,bicj,kc->kij", x, self.C, x, optimize=True)
         return -np.linalg.eigvalsh((acoustic + acoustic.swapaxes(1, 2)) / 2)[:, 0] / self.M
+
+
+    def supremum(self, value, intervals, kept=24):
+        """(max, k) of `quotient` or `top` over the zone: a fine grid, then finer stencils around its best points."""
+        dim = self.xi.shape[1]
+        axis = np.pi * np.arange(-intervals, intervals + 1) / intervals
+        k = np.stack(np.meshgrid(axis[intervals:], *[axis] * (dim - 1), indexing="ij"), axis=-1).reshape(-1, dim)
+        k = k[(k != 0).any(axis=1)]
+        best = k[np.argsort(-value(k))[:kept]]
+        return climb(value, best, np.pi / intervals)
+
+    def long_wave_supremum(self):
+        """(max, direction) of `long_wave`."""
+        dim = self.xi.shape[1]
+        n = np.concatenate([np.eye(dim), random(dim).normal(size=(400, dim))])
+        n /= np.linalg.norm(n, axis=1, keepdims=True)
+        return climb(self.long_wave, n[np.argsort(-self.long_wave(n))[:8]], 0.1)
+
+
+def climb(value, x, step):
+    """Move every point of x (points, dim) to the best of the 3^dim around it, halving the step down to 1e-9."""
+    stencil = np.array(list(itertools.product((-1, 0, 1), repeat=x.shape[1])))
+    while step > 1e-9:
+        near = x[:, None, :] + step * stencil
+        near = np.where(np.abs(near).sum(axis=2, keepdims=True) < 1e-3, x[:, None, :], near)  # 0/0 at k = 0
+        values = value(near.reshape(-1, x.shape[1])).reshape(len(x), -1)
+        x = near[np.arange(len(x)), np.argmax(values, axis=1)]
+        step *= 0.6
+    values = value(x)
+    return float(np.max(values)), x[np.argmax(values)]
 
 
 def random(*key):
@@ -150,7 +187,7 @@ def test_symbol_is_the_sum_over_a_patch(name, dim):
     blocks = np.moveaxis(patch_blocks(model, fams, X, centre, F), 0, 1)
     direct = np.einsum("kn,nij->kij", np.exp(1j * k @ X.T), blocks)
     fam = pd.lattice_family(dim, N, influence=influence)
-    assert difference(symbol(model, fam, F, k), direct) < 1e-12  # 
+    assert difference(symbol(model, fam, F, k), direct) < 1e-12  # 7e-16
 
 
 @pytest.mark.parametrize(("dim", "N"), [(1, 3), (2, 2), (3, 1.5)])
@@ -169,34 +206,41 @@ def test_symbol_is_that_of_the_reference(dim, N, m):
     row = ref.patch_row(dim, N, force, F)
     direct = np.array([ref.symbol_of_row(row, one) for one in k])
     fam = pd.lattice_family(dim, N, influence=FAMILY[dim][1])
-    assert difference(symbol(model, fam, F, k), direct) < 1e-12  # 
+    assert difference(symbol(model, fam, F, k), direct) < 1e-12  # 2e-15
     state = correspondence_state(dim, N, omega=omega) if m is None else seth_hill_state(dim, N, m, omega=omega)
     peer = Peer(dim, N, F, state)
-    assert difference(peer.symbol(k), direct) < 1e-12  #  the peers of the other tests
-    assert abs(float(pd.p_wave_modulus(model, fam)) / (LAM + 2 * MU) - 1) < 1e-12  # 
+    assert difference(peer.symbol(k), direct) < 1e-12  # 2e-15: the peers of the other tests
 
 
 # ---------------------------------------------------------------- the spectrum of a periodic body
 
 
-@pytest.mark.parametrize("name", ["seth_hill m=-0.7", "correspondence neo-hookean", "seth_hill m=1, energy only"])
-@pytest.mark.parametrize(("shape", "N"), [((11,), 3), ((9, 7), 3)])
-def test_periodic_body_has_the_symbols_spectrum(name, shape, N):
+@pytest.mark.parametrize(
+    ("name", "shape"),
+    [
+        ("seth_hill m=-0.7", (9, 7)),
+        ("correspondence neo-hookean", (9, 7)),
+        ("seth_hill m=-0.7", (11,)),
+        ("seth_hill m=1, energy only", (11,)),
+    ],
+)
+def test_periodic_body_has_the_symbols_spectrum(name, shape):
     """All eigenvalues of the dense Jacobian under F, and those of Ĵ at the allowed k = 2π n/(h shape)."""
     dim, h, model = len(shape), 0.5, MODELS[name]
+    N = FAMILY[dim][0]
     F = gradient(dim, 0.1, 4)
     fams = pd.families(pd.lattice(shape, h, periodic=True), N * h, pd.gaussian_influence)
     dense = np.asarray(pd.jacobian(model, fams, np.zeros((len(fams), dim)), form="dense", F=F))
     k = 2 * np.pi / h * np.array([np.array(n) / shape for n in np.ndindex(*shape)])
     J = np.asarray(symbol(model, pd.lattice_family(dim, N, h, pd.gaussian_influence), F, k))
     expected = np.sort(np.linalg.eigvalsh(J).reshape(-1))
-    assert difference(np.linalg.eigvalsh((dense + dense.T) / 2), expected) < 1e-12  # 
+    assert difference(np.linalg.eigvalsh((dense + dense.T) / 2), expected) < 1e-12  # 2e-15
     # and the eigenvectors: a plane wave goes into itself
     positions = pd.lattice(shape, h).positions
     e = random(5).normal(size=dim)
     wave = np.exp(1j * positions @ k[5])[:, None] * e
     image = np.exp(1j * positions @ k[5])[:, None] * (J[5] @ e)
-    assert difference((dense @ wave.reshape(-1)).reshape(wave.shape), image) < 1e-12  # 
+    assert difference((dense @ wave.reshape(-1)).reshape(wave.shape), image) < 1e-12  # 4e-15
 
 
 # ---------------------------------------------------------------- fast path, invariants, transformations
@@ -207,7 +251,7 @@ def test_fast_path_is_the_general_path(name):
     """b, g, r of the point state against V ∂T/∂η of the energy alone."""
     fam = pd.lattice_family(2, 2, influence=pd.inverse_distance_influence)
     F, k = gradient(2, 0.12, 6), waves(2, 6)
-    assert difference(symbol(MODELS[name], fam, F, k), symbol(EnergyOnly(MODELS[name]), fam, F, k)) < 1e-12  # 
+    assert difference(symbol(MODELS[name], fam, F, k), symbol(EnergyOnly(MODELS[name]), fam, F, k)) < 1e-12  # 6e-16
 
 
 @pytest.mark.parametrize("name", ["seth_hill user law", "correspondence neo-hookean", "seth_hill m=1, energy only"])
@@ -221,29 +265,29 @@ def test_symbol_vanishes_at_rest_of_the_wave_and_is_symmetric_and_even(name, see
     J = np.asarray(symbol(MODELS[name], fam, F, np.stack([k, -k, k + turn, 0 * k])))
     size = 4 * (LAM + 2 * MU) / 0.5**2  # M κ² at its largest
     assert np.array_equal(J[3], np.zeros((2, 2)))
-    assert np.max(np.abs(J[0] - J[0].T)) < 1e-12 * size  # 
-    assert np.max(np.abs(J[1:3] - J[0])) < 1e-12 * size  # 
+    assert np.max(np.abs(J[0] - J[0].T)) < 1e-12 * size  # 1e-15
+    assert np.max(np.abs(J[1:3] - J[0])) < 1e-12 * size  # 5e-15
 
 
 def test_batches_of_waves_and_vmaps_are_loops():
-    """k of any leading shape; vmap over k, F, m and a law's constant; all equal one by one."""
-    fam = pd.lattice_family(2, 2)
-    k = waves(2, 7, count=6).reshape(2, 3, 2)
+    """k of any leading shape; vmap over F, m, a law's constant and k; all equal one by one."""
+    fam, k = pd.lattice_family(2, 2), waves(2, 7)
     F = np.stack([gradient(2, 0.1, 7, i) for i in range(3)])
-    ms, lams = np.array([-0.4, 0.0, 1.2]), np.array([0.1, 1.0, 3.0])
+    ms, lams = jnp.array([-0.4, 0.0, 1.2]), jnp.array([0.1, 1.0, 3.0])
 
     def one(m, lam, F, k):
-        return pd.symbol(pd.SethHill(m, pd.LinearElastic(lam, 1.0)), fam, F, k)
+        return pd.symbol(pd.SethHill(m, pd.LinearElastic(lam, jnp.array(1.0))), fam, F, k)
 
-    single = jax.jit(one)
-    batch = single(ms[0], lams[0], F[0], k)
-    assert batch.shape == (2, 3, 2, 2)
-    loop = np.array([[single(ms[0], lams[0], F[0], x) for x in row] for row in k])
-    assert difference(batch, loop) < 1e-14  # 
-    mapped = jax.jit(jax.vmap(one, (0, 0, 0, None)))(ms, lams, F, k)
-    loop = np.array([single(m, lam, G, k) for m, lam, G in zip(ms, lams, F, strict=True)])
-    assert difference(mapped, loop) < 1e-13  # 
-    assert difference(jax.jit(jax.vmap(one, (None, None, None, 0)))(ms[0], lams[0], F[0], k), batch) < 1e-13  # 
+    batched = jax.vmap(jax.vmap(one, (None, None, None, 0)), (0, 0, 0, None))
+    mapped = jax.jit(batched)(ms, lams, F, k.reshape(2, 2, 2))
+    loop = np.array(
+        [
+            symbol(pd.SethHill(m, pd.LinearElastic(lam, jnp.array(1.0))), fam, G, k)
+            for m, lam, G in zip(ms, lams, F, strict=True)
+        ]
+    )
+    assert mapped.shape == (3, 2, 2, 2, 2)
+    assert difference(np.reshape(mapped, loop.shape), loop) < 1e-13  # 2e-16
 
 
 def test_spacing_scales_the_symbol():
@@ -251,7 +295,7 @@ def test_spacing_scales_the_symbol():
     F, k, model = gradient(2, 0.1, 8), waves(2, 8), MODELS["seth_hill m=0"]
     one = symbol(model, pd.lattice_family(2, 2, 1.0, pd.gaussian_influence), F, k)
     fine = symbol(model, pd.lattice_family(2, 2, 1e-3, pd.gaussian_influence), F, k * 1e3)
-    assert difference(fine * 1e-6, one) < 1e-13  # 
+    assert difference(fine * 1e-6, one) < 1e-13  # 6e-16
 
 
 @pytest.mark.parametrize("dim", [1, 2, 3])
@@ -262,15 +306,16 @@ def test_centre_block_is_the_mean_of_the_symbol(dim):
     axis = 2 * np.pi * np.arange(4 * int(N) + 1) / (4 * int(N) + 1)
     k = np.stack(np.meshgrid(*[axis] * dim, indexing="ij"), axis=-1).reshape(-1, dim)
     mean = np.mean(np.asarray(symbol(model, fam, F, k)), axis=0)
-    assert difference(center_block(model, fam, F), mean) < 1e-12  # 
+    assert difference(center_block(model, fam, F), mean) < 1e-12  # 5e-16
 
 
 # ---------------------------------------------------------------- long waves
 
 
-@pytest.mark.parametrize("dim", [1, 2, 3])
-@pytest.mark.parametrize("name", ["seth_hill m=-0.7", "correspondence neo-hookean"])
-def test_long_waves_see_the_energy_of_affine_maps(dim, name):
+@pytest.mark.parametrize(
+    ("name", "dim"), [("seth_hill m=-0.7", 2), ("correspondence neo-hookean", 2), ("seth_hill m=-0.7", 3)]
+)
+def test_long_waves_see_the_energy_of_affine_maps(name, dim):
     """Ĵ(tN)/t² → −N·∂²W·N as t → 0; criterion "affine" has its largest eigenvalue and is the margin's limit."""
     model, fam, F = MODELS[name], pd.lattice_family(dim, FAMILY[dim][0]), gradient(dim, 0.1, 10)
     I = np.eye(dim)
@@ -283,16 +328,16 @@ def test_long_waves_see_the_energy_of_affine_maps(dim, name):
     n /= np.linalg.norm(n, axis=1, keepdims=True)
     acoustic = np.einsum("iJkL,nJ,nL->nik", fourth, n, n)
     t = 1e-2
-    near, nearer, nearest = (symbol(model, fam, F, n * s) / s**2 for s in (t, t / 2, t / 4))
+    near, nearer, nearest = (symbol(model, fam, F, n * x) / x**2 for x in (t, t / 2, t / 4))
     limit = (64 * nearest - 20 * nearer + near) / 45  # the terms in t² and t⁴ cancel
-    assert difference(limit, -acoustic) < 1e-10  # 
+    assert difference(limit, -acoustic) < 1e-12  # 2e-15
     affine = pd.stability(model, fam, F, criterion="affine")
     along = np.asarray(affine.direction)
     worst = -np.linalg.eigvalsh(np.einsum("iJkL,J,L->ik", fourth, along, along))[0]
-    assert abs(float(affine.eigenvalue) - worst) < 1e-12 * abs(worst)  # 
-    assert float(affine.eigenvalue) >= -np.linalg.eigvalsh(acoustic)[:, 0].min()
+    assert abs(float(affine.eigenvalue) - worst) < 1e-12 * abs(worst)  # 3e-16
+    assert float(affine.eigenvalue) > -np.linalg.eigvalsh(acoustic)[:, 0].min() - 1e-12  # 3e-16 below
     M = float(pd.p_wave_modulus(model, fam))
-    assert abs(float(affine.margin) - worst / M) < 1e-12  # 
+    assert abs(float(affine.margin) - worst / M) < 1e-12  # 2e-16
 
 
 # ---------------------------------------------------------------- wrong use

@@ -163,8 +163,13 @@ def affine(dim, kind, H):
 @given(seed=SEEDS)
 def test_mean_deformation_gradient_is_exact_for_affine_maps_at_every_point(dim, kind, seed):
     H = np.random.default_rng(seed).normal(size=(dim, dim))  # any map: folded matter too
-    assert worst(gradients(bodies.families(dim, kind), affine(dim, kind, H)), np.broadcast_to(H,
-    (len(bodies.points(dim, kind)), dim, dim))) < 1e-12  # 1
+    assert (
+        worst(
+            gradients(bodies.families(dim, kind), affine(dim, kind, H)),
+            np.broadcast_to(H, (len(bodies.points(dim, kind)), dim, dim)),
+        )
+        < 1e-12
+    )  # 1
 
 
 def classical(F, m):

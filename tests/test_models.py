@@ -85,14 +85,14 @@ def test_energy_and_force_are_those_of_the_reference(name, dim, kind, weighted):
     assert worst(out.energy / peer_energy(name, dim, kind, u, weight), 1.0) < 1e-12  # 1
     slope = ref.complex_step_jacobian(lambda v: peer_energy(name, dim, kind, v, weight), u).reshape(u.shape)
     force = -slope / bodies.points(dim, kind).volumes[:, None]
-    assert worst(out.force / worst(force), force / worst(force)) < 1e-12  # 1
+    assert worst(out.force / np.max(force), force / np.max(force)) < 1e-12  # 1
 
 
 @pytest.mark.parametrize("name, dim, kind", EVERYWHERE)
 def test_undeformed_is_at_rest(name, dim, kind):
     fams = bodies.families(dim, kind)
     out = bodies.respond(MODELS[name], fams, np.zeros((len(fams), dim)))
-    assert worst(out.force) == 0 and float(out.energy) == 0
+    assert worst(out.force) == 0 and (out.energy is None or float(out.energy) == 0)
     assert worst(out.strain) == 0 and worst(out.stress) < 1e-15  # 1
 
 
@@ -105,7 +105,7 @@ def test_balances(name, dim, kind, seed):
     body, u = bodies.points(dim, kind), bodies.displacement(dim, kind, seed)
     V, out = body.volumes[:, None], bodies.respond(model, fams, u)
     force, J = np.asarray(out.force), np.asarray(out.jacobian).reshape(len(body), dim, len(body), dim)
-    size, stiff = worst(force), worst(J)
+    size, stiff = np.max(force), np.max(J)
     assert size > 1e-4
     assert worst(np.sum(V * force, axis=0) / size) < 1e-12  # 1
     assert worst(J.sum(axis=2) / stiff) < 1e-12  # 1
@@ -133,10 +133,12 @@ def test_rigid_motion_leaves_the_energy_and_turns_the_force(name, dim, kind, see
     u, Q = bodies.displacement(dim, kind, seed), bodies.rotation(dim, seed)
     shift = bodies.random(seed).normal(size=dim)
     before, after = (bodies.respond(model, fams, v) for v in (u, (X + u) @ Q.T + shift - X))
-    assert worst(after.energy / before.energy, 1.0) < 1e-11  # 1
-    assert worst(after.force, before.force @ Q.T) < 1e-11  # 1
     rigid = bodies.respond(model, fams, X @ Q.T + shift - X)
-    assert worst(rigid.energy) < 1e-13 and worst(rigid.force) < 1e-12  # 1
+    assert worst(after.force, before.force @ Q.T) < 1e-11  # 1
+    assert worst(rigid.force) < 1e-12  # 1
+    if model.hyperelastic:
+        assert worst(after.energy / before.energy, 1.0) < 1e-11  # 1
+        assert worst(rigid.energy) < 1e-13  # 1
 
 
 # ---------------------------------------------------------------- affine fields
@@ -145,6 +147,14 @@ def test_rigid_motion_leaves_the_energy_and_turns_the_force(name, dim, kind, see
 def local_law(model):
     """ψ(F) of the model, or of the one whose energy alone it is."""
     return getattr(model, "base", model).local_energy
+
+
+def has_law(model):
+    try:
+        local_law(model)(jnp.eye(2))
+    except ValueError:
+        return False
+    return True
 
 
 @jax.jit
@@ -164,7 +174,7 @@ def classical(model, F):
     return jax.value_and_grad(local_law(model))(F)
 
 
-@pytest.mark.parametrize("name", MODELS)
+@pytest.mark.parametrize("name", [name for name in MODELS if has_law(MODELS[name])])
 def test_affine_fields_give_the_law(name):
     """ψ and P where affine maps are exact, at surface points too; a defect of second order at least elsewhere."""
     model, fam, body = MODELS[name], pd.lattice_family(2, 2.3, 1.0, pd.gaussian_influence), bodies.points(2, "cloud")
@@ -197,19 +207,9 @@ FIELDS["seth_hill m=1"] = FIELDS["correspondence svk"]  # not promised, but Ē�
 @pytest.mark.parametrize("kind", ["lattice", "cloud"])
 def test_affine_fields_have_the_laws_stress_at_every_point(name, kind):
     F = bodies.deformation(2, 2, size=0.3)
-    out = bodies.respond(
-        MODELS[name], bodies.families(2, kind), bodies.points(2, kind).positions @ (F - np.eye(2)).T
-    )
+    out = bodies.respond(MODELS[name], bodies.families(2, kind), bodies.points(2, kind).positions @ (F - np.eye(2)).T)
     exact = FIELDS[name](F)
     assert worst(out.stress, np.broadcast_to(exact, out.stress.shape)) < 1e-13  # 1
-
-
-def has_law(model):
-    try:
-        local_law(model)(jnp.eye(2))
-    except ValueError:
-        return False
-    return True
 
 
 @pytest.mark.parametrize("dim", [1, 2, 3])
@@ -243,7 +243,7 @@ def test_force_density_is_that_of_the_force_states(m, dim, kind):
     model, force = peer_force(m, body, dim)
     out = bodies.respond(model, bodies.families(dim, kind), u)
     exact = force(u)
-    assert worst(out.force / worst(exact), exact / worst(exact)) < 1e-12  # 1
+    assert worst(out.force / np.max(exact), exact / np.max(exact)) < 1e-12  # 1
 
 
 def peer_force(m, body, dim):
@@ -264,7 +264,7 @@ def test_tiny_strain_keeps_its_digits(m, dim, kind):
     u = 1e-10 * bodies.random(dim).normal(size=body.positions.shape)
     exact = (ref.complex_step_jacobian(force, np.zeros_like(u)) @ u.reshape(-1)).reshape(u.shape)
     out = bodies.respond(model, bodies.families(dim, kind), u)
-    assert worst(out.force / worst(exact), exact / worst(exact)) < 1e-8  # 1
+    assert worst(out.force / np.max(exact), exact / np.max(exact)) < 1e-8  # 1
 
 
 STATES = [n for n, m in MODELS.items() if isinstance(m, pd.PointStateModel) and m.hyperelastic]

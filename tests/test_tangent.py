@@ -77,25 +77,26 @@ def test_dense_jacobian_is_the_complex_step_of_the_reference(name, dim, kind):
     u = bodies.displacement(dim, kind, 1)
     exact = ref.complex_step_jacobian(peer(name, dim, kind), u)
     J = bodies.respond(MODELS[name], bodies.families(dim, kind), u).jacobian
-    assert worst(J / worst(exact), exact / worst(exact)) < 1e-12  # 1
+    assert worst(J / np.max(exact), exact / np.max(exact)) < 1e-12  # 1
 
 
 SPARSE = [(name, 2, "cloud") for name in ALL] + [
-    (name, dim, "lattice") for name in ("seth_hill m=1", "correspondence neo-hookean") for dim in (1, 3)
+    ("correspondence neo-hookean", 1, "lattice"),
+    ("seth_hill m=1", 3, "cloud"),
 ]
 
 
 @pytest.mark.parametrize("name, dim, kind", SPARSE)
 def test_sparse_and_dense_agree(name, dim, kind):
-    """With weights that differ between the directions of a bond, one bond broken on one side only, and a mean F."""
+    """With weights that differ between the directions of a bond, and a bond broken on one side only."""
     fams, u = bodies.families(dim, kind), bodies.displacement(dim, kind, 2)
     weight = bodies.random(dim).uniform(0.2, 1.0, fams.weight.shape)
     weight[1, 0] = 0.0
-    fams, F = fams.with_weight(jnp.asarray(weight)), bodies.deformation(dim, 3)
-    dense = pd.jacobian(ALL[name], fams, u, "dense", F)
-    sparse = pd.jacobian(ALL[name], fams, u, F=F)
+    fams = fams.with_weight(jnp.asarray(weight))
+    dense = bodies.respond(ALL[name], fams, u).jacobian
+    sparse = pd.jacobian(ALL[name], fams, u)
     assert sparse.has_sorted_indices and sparse.shape == dense.shape
-    assert worst(sparse.toarray() / worst(dense), dense / worst(dense)) < 1e-13  # 1
+    assert worst(sparse.toarray() / np.max(dense), dense / np.max(dense)) < 1e-13  # 1
 
 
 def test_jacobian_of_two_materials():
@@ -113,17 +114,17 @@ def test_jacobian_of_two_materials():
 def test_central_differences_converge_to_it_as_the_square_of_the_step(name):
     fams, u = bodies.families(2, "cloud"), bodies.displacement(2, "cloud", 6)
     J = bodies.respond(MODELS[name], fams, u).jacobian
-    force = eqx.filter_jit(pd.force_density)
-    errors = [
-        worst(ref.central_difference_jacobian(lambda v: force(MODELS[name], fams, jnp.asarray(v)), u, step), J)
-        for step in (1e-2, 1e-3, 1e-4, 1e-5)
-    ]
+
+    def force(v):
+        return bodies.respond(MODELS[name], fams, v).force
+
+    errors = [worst(ref.central_difference_jacobian(force, u, step), J) for step in (1e-2, 1e-3, 1e-4, 1e-6)]
     orders = np.log10(np.array(errors[:2]) / errors[1:3])
     assert worst(orders, 2.0) < 0.1  # 1
     assert errors[3] < 1e-8  # the floor: rounding over the step; 1
 
 
-@pytest.mark.parametrize("name", ALL)
+@pytest.mark.parametrize("name", ["seth_hill m=-0.7", "correspondence neo-hookean", "averaged"])
 def test_jvp_is_the_product_with_it(name):
     fams, u = bodies.families(2, "cloud"), jnp.asarray(bodies.displacement(2, "cloud", 7))
     v, F = jnp.asarray(bodies.random(7).normal(size=u.shape)), jnp.asarray(bodies.deformation(2, 7))
@@ -154,9 +155,9 @@ def test_the_pattern_is_two_rings_of_neighbours(name):
     whether or not the far end's state is needed. Only states made from states reach a third.
     """
     rng = bodies.random(9)
-    X = pd.lattice((7, 3)).positions
+    X = pd.lattice((5, 3)).positions
     body = pd.cloud(X + 0.05 * rng.uniform(-1, 1, X.shape), rng.uniform(0.8, 1.2, len(X)))
-    fams, u = pd.families(body, 1.6, pd.gaussian_influence), 0.05 * rng.normal(size=X.shape)
+    fams, u = bodies.padded(pd.families(body, 1.6, pd.gaussian_influence), 14), 0.05 * rng.normal(size=X.shape)
     near = np.eye(len(X), dtype=bool)
     for i, neighbours in enumerate(ref.families(body.positions, 1.6)):
         near[i, neighbours] = True
@@ -195,29 +196,22 @@ def test_centre_block_is_that_of_a_patch_and_the_mean_of_the_symbol(name, dim, N
         return ref.seth_hill_force(*args, float(MODELS[name].m), LAM, MU, rows=[0])
 
     eta, blocks = ref.patch_row(dim, N, force_of_u, F)
-    assert worst(eta[0]) == 0
+    assert not eta[0].any()
     D, J = block(MODELS[name], pd.lattice_family(dim, N), jnp.asarray(F), zone_grid(dim, 4 * reach + 1))
     assert worst(D, blocks[0]) < 1e-12  # 1
     assert worst(D, np.mean(J, axis=0)) < 1e-12  # 1
 
 
-FAR_END = pytest.mark.xfail(strict=True, reason="family_tangent and center_block leave out the far end's state")
-
-
-@pytest.mark.parametrize(
-    "name", [*MODELS, *(pytest.param(name, marks=FAR_END) for name in BOTH_ENDS)]
-)
+@pytest.mark.parametrize("name", ALL)
 def test_a_periodic_body_has_the_symbol_and_the_centre_block(name):
     """J of a periodic lattice: its diagonal block is the centre block, and on plane waves it is the symbol."""
     body = pd.lattice((5, 7), 0.5, periodic=True)
     F = jnp.asarray(bodies.deformation(2, 11, size=0.2))
     J = pd.jacobian(ALL[name], pd.families(body, 0.75, pd.gaussian_influence), np.zeros((35, 2)), F=F)
-    numbers = np.array([[1, 2], [2, -3], [0, 1], [2, 0]])
+    numbers = bodies.random(11).integers(-3, 4, (25, 2))
     k = 2 * np.pi * numbers / (0.5 * np.array([5, 7]))
-    D, symbol = block(ALL[name], pd.lattice_family(2, 1.5, 0.5, pd.gaussian_influence), F, jnp.asarray(k))
+    D, symbol = block(ALL[name], pd.lattice_family(2, 1.5, 0.5, pd.gaussian_influence), F, k)
     for wave, exact in zip(k, np.asarray(symbol), strict=True):
-        phase = np.exp(1j * body.positions @ wave)
-        plane = np.einsum("p,ij->piaj", phase, np.eye(2)[None].repeat(1, 0)[0]) if False else None
-        modes = (phase[:, None, None] * np.eye(2)).reshape(-1, 2)
-        assert worst(J @ modes, (phase[:, None, None] * exact).reshape(-1, 2)) < 1e-11  # 1
+        phase = np.exp(1j * body.positions @ wave)[:, None, None]
+        assert worst(J @ (phase * np.eye(2)).reshape(-1, 2), (phase * exact).reshape(-1, 2)) < 1e-11  # 1
     assert worst(J.toarray()[:2, :2], D) < 1e-11  # 1

@@ -20,7 +20,7 @@ from ..bloch import p_wave_modulus
 from ..kinematics import shape_tensor_K
 from ..models.base import AbstractModel
 from ..neighbours import Bonds, Family
-from ..tangent import center_block, family_tangent
+from ..tangent import block_at_center, family_tangent
 from .outcome import Outcome, decide
 
 
@@ -30,7 +30,7 @@ def _block_unit(model: AbstractModel, fam: Family) -> Array:
 
 def diagonal(model: AbstractModel, fam: Family, F: Float[Array, "dim dim"], at=None) -> Outcome:
     """The largest diagonal entry of D and its axis."""
-    D = center_block(model, fam, F)
+    D = block_at_center(model, fam, F)
     entries = jnp.diag(D)
     axis = (jnp.arange(fam.dim) == jnp.argmax(entries)).astype(D.dtype) if at is None else at
     value, mode = decide(D, axis)
@@ -39,7 +39,7 @@ def diagonal(model: AbstractModel, fam: Family, F: Float[Array, "dim dim"], at=N
 
 def block(model: AbstractModel, fam: Family, F: Float[Array, "dim dim"], at=None) -> Outcome:
     """The largest eigenvalue of D and its direction."""
-    value, mode = decide(center_block(model, fam, F), at)
+    value, mode = decide(block_at_center(model, fam, F), at)
     return Outcome(value / _block_unit(model, fam), value, mode, at=mode)
 
 

@@ -1,0 +1,299 @@
+"""The Brillouin zone's grid and search: exact corners, folding by symmetry, screens, climbs, resolution.
+
+Beside each tolerance: the largest error measured (float64).
+"""
+
+import functools
+import itertools
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from test_bloch import Peer, difference, random, seth_hill_state
+
+import pdjax as pd
+from pdjax import zone
+
+# ---------------------------------------------------------------- the grid
+
+
+def fold(index, symmetry):
+    """The representative of integer wave vectors under ±, and what else the symmetry allows."""
+    if symmetry == "inversion":
+        return index
+    index = np.abs(index)
+    if symmetry == "cubic":
+        return -np.sort(-index, axis=1)
+    if symmetry == "tetragonal":
+        return np.concatenate([index[:, :1], -np.sort(-index[:, 1:], axis=1)], axis=1)
+    return index
+
+
+GRIDS = list(itertools.product((1, 2, 3), (2, 3, 8, 25), zone.SYMMETRIES))
+
+
+@pytest.mark.parametrize(("dim", "intervals", "symmetry"), GRIDS)
+def test_grid_holds_one_of_every_orbit_and_the_half_reciprocal_points_exactly(dim, intervals, symmetry):
+    """Integer wave vectors −n < i ≤ n, up to inversion and the symmetry; components 0 and π are exactly that."""
+    z = zone.brillouin_zone(dim, intervals, symmetry)
+    index = np.rint(z.grid / z.step).astype(int)
+    assert np.max(np.abs(z.grid - index * z.step)) < 1e-15  # 4e-16
+    have = set(map(tuple, index))
+    assert len(have) == len(index) and (0,) * dim not in have
+    whole = np.array(list(itertools.product(range(-intervals + 1, intervals + 1), repeat=dim)))
+    for image in fold(whole[(whole != 0).any(axis=1)], symmetry):
+        mirror = np.where(np.abs(image) == intervals, intervals, -image)  # −π is π
+        assert tuple(image) in have or tuple(mirror) in have
+    for corner in fold(zone.half_reciprocal_points(dim), symmetry):
+        assert np.any(np.all(z.grid == corner, axis=1))
+    assert symmetry == "inversion" or len(have) == len(set(map(tuple, fold(index, symmetry))))
+
+
+@pytest.mark.parametrize(("dim", "intervals", "symmetry"), GRIDS)
+def test_classes_share_the_grid_out_by_nearest_corner_and_sign(dim, intervals, symmetry):
+    z = zone.brillouin_zone(dim, intervals, symmetry)
+    assert np.array_equal(np.unique(z.members), np.arange(len(z.grid)))
+    counted = np.zeros(len(z.grid), dtype=int)
+    for row in z.members:
+        mine = z.grid[np.unique(row)]
+        counted[np.unique(row)] += 1
+        assert len(np.unique(np.abs(mine) > np.pi / 2 + 1e-12, axis=0)) == 1
+        inner = (mine != 0) & (np.abs(mine) < np.pi)
+        for column, some in zip(mine.T, inner.T, strict=True):
+            assert len(np.unique(np.sign(column[some]))) <= 1
+    assert np.all(counted == 1)
+
+
+def test_half_reciprocal_points():
+    for dim in (1, 2, 3):
+        corners = zone.half_reciprocal_points(dim)
+        assert corners.shape == (2**dim - 1, dim) and len(np.unique(corners, axis=0)) == 2**dim - 1
+        assert set(np.unique(corners)) <= {0.0, np.pi} and corners.any(axis=1).all()
+    with pytest.raises(ValueError, match="dim"):
+        zone.half_reciprocal_points(4)
+
+
+@pytest.mark.parametrize("dim", [1, 2, 3])
+def test_directions_cover_half_a_sphere_with_the_axes(dim):
+    """Unit vectors, none opposite another; the gap between neighbours is small."""
+    n = zone.directions(dim)
+    assert np.max(np.abs(np.linalg.norm(n, axis=1) - 1)) < 1e-15  # 2e-16
+    overlap = n @ n.T
+    assert np.min(overlap) > -1 + 1e-6
+    assert np.min(np.max(np.abs(np.eye(dim) @ n.T), axis=1)) > 1 - 1e-15
+    probes = random(1, dim).normal(size=(500, dim))
+    probes /= np.linalg.norm(probes, axis=1, keepdims=True)
+    nearest = np.degrees(np.arccos(np.clip(np.max(np.abs(probes @ n.T), axis=1), 0, 1)))
+    assert np.max(nearest) < 11  # 9.2 degrees in 3D, 1.9 in 2D
+
+
+# ---------------------------------------------------------------- folding keeps the maxima
+
+
+@pytest.mark.parametrize(
+    ("dim", "N", "stretches", "symmetry"),
+    [
+        (2, 3, (0.9, 0.9), "cubic"),
+        (2, 3, (0.9, 1.1), "orthorhombic"),
+        (3, 2, (1.1, 1.1, 1.1), "cubic"),
+        (3, 2, (0.8, 1.05, 1.05), "tetragonal"),
+        (3, 2, (0.9, 1.2, 1.0), "orthorhombic"),
+    ],
+)
+def test_folding_keeps_every_eigenvalue(dim, N, stretches, symmetry):
+    """λ_max of the NumPy peer at every wave vector of the whole grid is that of its image on the folded one."""
+    F, n = np.diag(stretches), 8
+    whole, folded = (zone.brillouin_zone(dim, n, s) for s in ("inversion", symmetry))
+    assert len(folded.grid) < 0.7 * len(whole.grid)
+    image = fold(np.rint(whole.grid / whole.step).astype(int), symmetry) * whole.step
+    assert set(map(tuple, np.rint(image / whole.step))) == set(map(tuple, np.rint(folded.grid / whole.step)))
+    peer = Peer(dim, N, F, seth_hill_state(dim, N, 0.3))
+    assert difference(peer.top(image), peer.top(whole.grid)) < 1e-13  # 2e-15
+    sheared = Peer(dim, N, F + 0.3 * np.eye(dim, k=1), seth_hill_state(dim, N, 0.3))
+    assert difference(sheared.top(image), sheared.top(whole.grid)) > 0.1  # so this test can fail
+
+
+def test_kept_symmetry_is_read_off_a_concrete_deformation():
+    from pdjax.criteria import kept_symmetry
+
+    fam = pd.lattice_family(3, 1.5)
+    cases = {
+        "cubic": np.diag([0.9] * 3),
+        "tetragonal": np.diag([0.9, 1.1, 1.1]),
+        "orthorhombic": np.diag([1.1, 1.1, 0.9]),
+        "inversion": np.eye(3) + 1e-12 * np.eye(3, k=1),
+    }
+    for expected, F in cases.items():
+        assert kept_symmetry(jnp.asarray(F), fam) == expected
+        assert kept_symmetry(jnp.asarray(F), fam.with_weight(jnp.full(18, 0.5))) == "inversion"
+    seen = []
+    jax.make_jaxpr(lambda F: seen.append(kept_symmetry(F, fam)) or F)(jnp.eye(3))
+    assert seen == ["inversion"]
+
+
+def test_uneven_bonds_are_searched_over_the_whole_zone():
+    """Half the weight on the bonds near one axis, or near the other: the same margin, the wave vector turned."""
+    fam, model = pd.lattice_family(2, 2), pd.SethHill(0.8, pd.LinearElastic(1.0, 1.0))
+    x, y = np.abs(np.asarray(fam.xi)).T
+    found = [
+        pd.stability(model, fam.with_weight(jnp.where(along, 0.5, 1.0)), 0.9 * np.eye(2)) for along in (x > y, y > x)
+    ]
+    first, second = (np.asarray(s.wave_vector) for s in found)
+    assert abs(float(found[0].margin) - float(found[1].margin)) < 1e-12  # 4e-17
+    assert np.max(np.abs(np.abs(first) - np.abs(second[::-1]))) < 1e-6  # 0
+    assert abs(abs(first[0]) - abs(first[1])) > 1  # not on the diagonal: a folded zone would have missed one
+
+
+# ---------------------------------------------------------------- eigenvalues: screen and verdict
+
+
+@given(seed=st.integers(0, 2**32 - 1), dim=st.integers(1, 3))
+def test_closed_form_eigenvalue_of_simple_roots(seed, dim):
+    """Well separated roots: to rounding of the cubic formula."""
+    rng = np.random.default_rng(seed)
+    Q = np.linalg.qr(rng.normal(size=(dim, dim)))[0]
+    values = np.array([1.0, -0.7, 0.2])[:dim] + rng.uniform(-0.2, 0.2, dim)
+    A = Q @ np.diag(values) @ Q.T
+    screen = zone.largest_eigenvalue([[jnp.asarray(a) for a in row] for row in A])
+    assert abs(float(screen) - values.max()) < 1e-14  # 7e-16
+
+
+@pytest.mark.parametrize("split", [0.0, 1e-12, 1e-8])
+@pytest.mark.parametrize("values", [(1.0, 1.0, -0.5), (1.0, -0.5, -0.5), (2.0, 2.0, 2.0), (0.0, 0.0, 0.0)])
+def test_closed_form_eigenvalue_loses_half_the_digits_at_double_roots_only(values, split):
+    """2×2 and 3×3 in general position: never worse than √eps, finite everywhere."""
+    rng = random(2)
+    for dim in (2, 3):
+        for _ in range(20):
+            Q = np.linalg.qr(rng.normal(size=(dim, dim)))[0]
+            roots = np.array(values[:dim]) + split * np.arange(dim)
+            A = Q @ np.diag(roots) @ Q.T
+            screen = float(zone.largest_eigenvalue([[jnp.asarray(a) for a in row] for row in A]))
+            assert abs(screen - roots.max()) < 1e-7  # 6e-9
+            assert abs(float(zone.top_pair(jnp.asarray(A))[0]) - roots.max()) < 1e-14  # 2e-15
+
+
+def test_multiples_of_the_identity_have_an_eigenvalue():
+    """0/0 in the cubic formula: a NaN there once made the tolerance NaN and the verdict "marginal"."""
+    for size in (0.0, 1e-200, -3.0, 1e200):
+        A = [[jnp.asarray(size * (i == j)) for j in range(3)] for i in range(3)]
+        assert float(zone.largest_eigenvalue(A)) == size
+    fam = pd.lattice_family(3, 1.5)
+    s = pd.stability(pd.SethHill(1.0, pd.LinearElastic(1.0, 1.0)), fam, 0.5 * np.eye(3))
+    assert s.verdict == "unstable" and abs(float(s.margin) - 0.625) < 1e-12  # 3e-16
+
+
+def test_screen_of_symbols_is_that_of_their_eigenvalues():
+    """`components` and the closed form against eigh of the NumPy peer's symbols, double roots at corners included."""
+    from pdjax.bloch import homogeneous_tangent, wave_phases
+
+    for dim, N, grid in ((1, 3, 24), (2, 3, 16), (3, 1.5, 8)):
+        F = 0.9 * np.eye(dim)
+        fam, model = pd.lattice_family(dim, N), pd.SethHill(0.3, pd.LinearElastic(1.3, 0.7))
+        k = zone.brillouin_zone(dim, grid, "cubic").grid
+        parts = jax.jit(
+            lambda model, fam, F, k: zone.largest_eigenvalue(
+                homogeneous_tangent(model, fam, F).components(wave_phases(fam, k))
+            )
+        )(model, fam, F, jnp.asarray(k))
+        top = Peer(dim, N, F, seth_hill_state(dim, N, 0.3)).top(k)
+        assert difference(parts, top) < 1e-7  # 8e-9, at double roots
+
+
+# ---------------------------------------------------------------- climbing
+
+
+def test_class_starts_are_the_best_of_each_class():
+    z = zone.brillouin_zone(2, 6, "inversion")
+    screen = random(3).normal(size=len(z.grid))
+    starts = np.asarray(zone.class_starts(z, jnp.asarray(screen)))
+    for start, row in zip(starts, z.members, strict=True):
+        assert np.array_equal(start, z.grid[row[np.argmax(screen[row])]])
+
+
+@pytest.mark.parametrize("start", [(0.7, 0.2), (0.05, -0.03), (-0.4, 0.9)])
+def test_climb_over_a_crossing_of_eigenvalues(start):
+    """λ_max = |x| − |x|² of a cone: a ring of maxima ¼ around the double root at 0, where it has no derivative."""
+
+    def matrix(x):
+        return jnp.array([[x[0], x[1]], [x[1], -x[0]]]) - jnp.sum(x**2) * jnp.eye(2)
+
+    found = np.asarray(zone.refine(matrix, jnp.asarray(start)))
+    assert abs(float(zone.top_pair(matrix(found))[0]) - 0.25) < 1e-12  # 6e-17
+    assert abs(np.linalg.norm(found) - 0.5) < 1e-6  # 1e-16
+
+
+def test_a_climb_that_meets_nan_stays_where_it_was():
+    start = jnp.array([0.3, 0.4])
+    found = zone.refine(lambda x: jnp.where(jnp.all(x == start), 1.0, jnp.nan) * jnp.eye(2), start)
+    assert np.array_equal(found, start)
+
+
+# ---------------------------------------------------------------- resolution
+
+
+def hydrostatic(a):
+    return (1 + a) * np.eye(2)
+
+
+# (m, F, λ, μ), 2D, N = 3: flat and narrow valleys by the half-reciprocal points, near ties, limits k → 0
+STATES = {
+    "flat -1e-2": (-0.5, hydrostatic(-1e-2), 1.0, 1.0),
+    "flat -1e-4": (-0.5, hydrostatic(-1e-4), 1.0, 1.0),
+    "flat 1e-3": (-0.5, hydrostatic(1e-3), 1.0, 1.0),
+    "Hencky": (0.0, hydrostatic(-0.05), 1.0, 1.0),
+    "tension": (0.3, hydrostatic(0.2), 1.0, 1.0),
+    "compression": (1.0, hydrostatic(-0.3), 1.0, 1.0),
+    "window": (-2.0, np.diag([0.8, 1.0]), 3.0, 1.0),
+    "stable": (2.0, np.array([[1.1, 0.05], [0.0, 1.02]]), 1.3, 0.7),
+    "general": (-0.3, np.array([[1.1, 0.2], [-0.1, 0.9]]), 1.3, 0.7),
+    "tie": (1.0, hydrostatic(-6.5059e-4), -0.4, 1.0),
+    "ridge": (1.0, np.diag([0.9997369136, 1.0]), 1.3, 0.7),
+    "far ridge": (2.0, np.array([[0.997490331, 0.000851509], [0.002744805, 1.002717317]]), 3.0, 1.0),
+    "fastest": (0.2, hydrostatic(-1.7626e-4), -0.4, 1.0),
+}
+
+
+@functools.cache
+def searched(resolution):
+    """{state: (margin, eigenvalue, tolerance)} of `pd.stability`, compiled once; F is traced, so nothing is folded."""
+    fam = pd.lattice_family(2, 3)
+
+    def one(m, F, lam, mu):
+        s = pd.stability(pd.SethHill(m, pd.LinearElastic(lam, mu)), fam, F, resolution=resolution)
+        return jnp.stack([s.margin, s.eigenvalue, s.tolerance])
+
+    columns = (np.array(x) for x in zip(*STATES.values(), strict=True))
+    return dict(zip(STATES, np.asarray(jax.jit(jax.vmap(one))(*columns)), strict=True))
+
+
+MISSED = pytest.mark.xfail(strict=True, reason="the climb leaves the valley's narrow maximum: 0.2 to 0.4 % low")
+MARKED = [
+    pytest.param(name, marks=MISSED if name in ("tie", "ridge", "far ridge", "fastest") else ()) for name in STATES
+]
+
+
+@pytest.mark.parametrize("name", MARKED)
+def test_default_resolution_has_six_digits(name):
+    """Margin and largest eigenvalue at 24 intervals, at 48, and of the NumPy peer's own search."""
+    m, F, lam, mu = STATES[name]
+    (margin, value, tolerance), (finer, finer_value, _) = searched(None)[name], searched(48)[name]
+    peer = Peer(2, 3, F, seth_hill_state(2, 3, m, lam, mu))
+    exact = max(peer.supremum(peer.quotient, 64)[0], peer.long_wave_supremum()[0])
+    assert abs(margin / exact - 1) < 1e-6  # 2e-14 where it is not missed
+    assert abs(margin / finer - 1) < 1e-6  # 2e-15
+    if margin > tolerance:
+        assert abs(value / peer.supremum(peer.top, 64)[0] - 1) < 1e-6  # 3e-15 where it is not missed
+        assert abs(value / finer_value - 1) < 1e-6  # 3e-15
+
+
+def test_resolution_is_checked_and_reported():
+    fam, model = pd.lattice_family(1, 3), pd.SethHill(1.0, pd.LinearElastic(1.0, 1.0))
+    assert zone.default_intervals(3.0) == zone.default_intervals(2.1) == 24 and zone.default_intervals(1.0) == 8
+    for bad in (1, 0, -3):
+        with pytest.raises(ValueError, match="resolution"):
+            pd.stability(model, fam, np.eye(1), resolution=bad)
+    assert difference([pd.stability(model, fam, 0.9 * np.eye(1), resolution=10).resolution], [10]) == 0
