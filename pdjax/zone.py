@@ -17,6 +17,7 @@ from collections.abc import Callable
 from functools import lru_cache
 from typing import NamedTuple
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import optimistix as optx
@@ -120,18 +121,25 @@ def nudge(dim: int, step: float) -> np.ndarray:
     return step * np.array([0.29, 0.17, 0.11])[:dim]
 
 
-def refine(matrix: Callable[[Array], Array], start: Float[Array, " dim"], steps: int = 40) -> Float[Array, " dim"]:
-    """Climb λ_max(matrix(x)) from `start` by BFGS on the joint quotient over x and the vector."""
+def refine(
+    matrix: Callable[[Array], Array], start: Float[Array, " dim"], reach: float, steps: int = 40
+) -> Float[Array, " dim"]:
+    """Climb λ_max(matrix(x)) from `start` by BFGS on the joint quotient over x and the vector.
+
+    The quotient is scaled so that the first step, along the gradient, is half of `reach` long: it neither leaves the
+    neighbourhood nor creeps, whatever the size of the margins, which at tiny loads are tiny.
+    """
     dim = start.shape[0]
-    value, e = top_pair(matrix(start))
-    # tolerances are relative to where the climb starts: at tiny loads the margins sought are tiny too
-    unit = jnp.maximum(jnp.abs(value), jnp.finfo(start.dtype).tiny ** 0.5)
+    _, e = top_pair(matrix(start))
 
-    def loss(y, _):
+    def quotient(y, scale):
         x, v = y[:dim], y[dim:]
-        return -(v @ matrix(x) @ v) / (v @ v) / unit
+        return -(v @ matrix(x) @ v) / (v @ v) * scale
 
+    y = jnp.concatenate([start, e])
+    slope = jnp.linalg.norm(jax.grad(quotient)(y, 1.0))
+    scale = 0.5 * reach / jnp.maximum(slope, jnp.finfo(start.dtype).tiny ** 0.5)
     tolerance = float(jnp.finfo(start.dtype).eps) ** 0.75
     solver: optx.BFGS = optx.BFGS(rtol=tolerance, atol=tolerance)
-    found = optx.minimise(loss, solver, jnp.concatenate([start, e]), max_steps=steps, throw=False).value[:dim]
+    found = optx.minimise(quotient, solver, y, args=scale, max_steps=steps, throw=False).value[:dim]
     return jnp.where(jnp.isfinite(found).all(), found, start)

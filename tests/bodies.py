@@ -115,3 +115,18 @@ def respond(model, fams, u):
         pd.strain(model, fams, u),
         pd.stress(model, fams, u),
     )
+
+
+@jax.jit
+def homogeneous(model, fam, F):
+    """W(F) and ∂W/∂F of a lattice family by autodiff of its energy (None without one), P and ∂P/∂F."""
+
+    def stress(F):
+        P = pd.piola_stress(model, fam, F)
+        return P, P
+
+    energy = slope = None
+    if model.hyperelastic:
+        energy, slope = jax.value_and_grad(lambda F: model.energy(fam.bonds(F)))(F)
+    moduli, P = jax.jacfwd(stress, has_aux=True)(F)
+    return energy, slope, P, moduli

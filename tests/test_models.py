@@ -151,21 +151,10 @@ def local_law(model):
 
 def has_law(model):
     try:
-        local_law(model)(jnp.eye(2))
+        jax.eval_shape(local_law(model), jnp.eye(2))
     except ValueError:
         return False
     return True
-
-
-@jax.jit
-def homogeneous(model, fam, F):
-    """P, ∂P/∂F of a lattice family."""
-
-    def stress(F):
-        P = pd.piola_stress(model, fam, F)
-        return P, P
-
-    return jax.jacfwd(stress, has_aux=True)(F)[::-1]
 
 
 @jax.jit
@@ -177,13 +166,13 @@ def classical(model, F):
 @pytest.mark.parametrize("name", [name for name in MODELS if has_law(MODELS[name])])
 def test_affine_fields_give_the_law(name):
     """ψ and P where affine maps are exact, at surface points too; a defect of second order at least elsewhere."""
-    model, fam, body = MODELS[name], pd.lattice_family(2, 2.3, 1.0, pd.gaussian_influence), bodies.points(2, "cloud")
+    model, fam, body = MODELS[name], pd.lattice_family(2, 2, 0.3, pd.gaussian_influence), bodies.points(2, "cloud")
     G, defect = bodies.deformation(2, 1, size=1.0) - np.eye(2), []
     for size in (0.02, 0.01):
         F = jnp.asarray(np.eye(2) + size * G)
         energy, P = classical(model, F)
         out = bodies.respond(model, bodies.families(2, "cloud"), body.positions @ (size * G).T)
-        defect.append(worst(homogeneous(model, fam, F)[0], P))
+        defect.append(worst(bodies.homogeneous(model, fam, F)[2], P))
         energies = worst(out.energy / (body.volumes.sum() * energy), 1.0)
         if model.affine_exact:
             assert energies < 1e-10 and defect[-1] < 1e-14  # 1
@@ -220,7 +209,7 @@ def test_small_strain_moduli(name, dim):
     pairs = np.einsum("ik,jl->ijkl", one, one) + np.einsum("il,jk->ijkl", one, one)
     exact = LAM * np.einsum("ij,kl->ijkl", one, one) + MU * pairs
     model = MODELS[name]
-    P, moduli = homogeneous(model, pd.lattice_family(dim, 2, 0.3, pd.gaussian_influence), jnp.eye(dim))
+    _, _, P, moduli = bodies.homogeneous(model, pd.lattice_family(dim, 2, 0.3, pd.gaussian_influence), jnp.eye(dim))
     assert worst(P) < 1e-15  # 1
     assert worst(moduli, exact) < 1e-13  # 1
     if isinstance(model, EnergyOnly):

@@ -1,4 +1,4 @@
-"""Every notebook runs from top to bottom in a fresh kernel of this interpreter, and comes to the verdicts it was saved with."""
+"""Every notebook runs from top to bottom in a fresh kernel of this interpreter, to the verdicts it was saved with."""
 
 import json
 import re

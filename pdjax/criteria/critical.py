@@ -11,6 +11,8 @@ sign of dλ/da at those points decides whether a side is unstable at once, for w
 m is `threshold_order`, the m at which the side turns.
 """
 
+from typing import Any
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -97,7 +99,7 @@ def _critical_jit(model, fam, path, criterion: str, sign: Array, samples: Array,
 def critical_load(
     model: AbstractModel,
     fam: Family,
-    path: Path = hydrostatic,
+    path: Path | Any = hydrostatic,
     criterion: str = "symbol",
     side: str = "negative",
     limit: float | None = None,

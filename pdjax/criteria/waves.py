@@ -61,7 +61,7 @@ def _search(tangent: Tangent, M: Array, fam: Family, zone: Zone, fastest: bool):
         return (J + J.T) / 2 / jnp.where(kind == 2, M / h**2, M * phases.kappa2)
 
     move = jnp.asarray(nudge(dim, zone.step), dtype=h.dtype)
-    climbed = jax.vmap(lambda x, kind: refine(lambda y: matrix(y, kind), x + move))(starts, kind)
+    climbed = jax.vmap(lambda x, kind: refine(lambda y: matrix(y, kind), x + move, zone.step))(starts, kind)
     points, kinds = jnp.concatenate([starts, climbed]), jnp.concatenate([kind, kind])
     values, modes = jax.vmap(lambda x, kind: top_pair(matrix(x, kind)))(points, kinds)
     values = jnp.where(jnp.isnan(values), -jnp.inf, values)
@@ -107,7 +107,7 @@ def _acoustic(fourth: Float[Array, "dim dim dim dim"], model, fam, at) -> Outcom
         screen = jax.vmap(lambda N: top_pair(matrix(frozen, N))[0])(compass)
         start = compass[jnp.argmax(screen)]
         move = jnp.asarray(nudge(fam.dim, 0.05), dtype=fam.xi.dtype)
-        points = jnp.stack([start, refine(lambda N: matrix(frozen, N), start + move)])
+        points = jnp.stack([start, refine(lambda N: matrix(frozen, N), start + move, 0.1)])
         values, modes = jax.vmap(lambda N: top_pair(matrix(frozen, N)))(points)
         best = jnp.argmax(values)
         at = points[best] / jnp.linalg.norm(points[best]), modes[best]
