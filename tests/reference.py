@@ -64,9 +64,7 @@ def _dual(xi, w):
     return _dual_of(xi.tobytes(), w.tobytes(), xi.shape)
 
 
-@functools.lru_cache(
-    maxsize=1024
-)  # it depends on the reference state alone, which Jacobians ask for again and again
+@functools.lru_cache(maxsize=1024)  # it depends on the reference state alone, which Jacobians ask for again and again
 def _dual_of(raw_xi, raw_w, shape):
     xi, w, dim = np.frombuffer(raw_xi).reshape(shape), np.frombuffer(raw_w), shape[1]
     n = xi / np.sqrt(np.sum(xi**2, axis=1))[:, None]

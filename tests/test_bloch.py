@@ -91,7 +91,6 @@ class Peer:
         acoustic = np.einsum("kb,bicj,kc->kij", x, self.C, x, optimize=True)
         return -np.linalg.eigvalsh((acoustic + acoustic.swapaxes(1, 2)) / 2)[:, 0] / self.M
 
-
     def supremum(self, value, intervals, kept=24):
         """(max, k) of `quotient` or `top` over the zone: a fine grid, then finer stencils around its best points."""
         dim = self.xi.shape[1]

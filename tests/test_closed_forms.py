@@ -187,9 +187,7 @@ def test_dispersion_1d(m):
     for k in (0.4, 1.9, np.pi):
         limit = cf.dispersion_limit_1d(k, N, kappa, 2.5)
         assert abs(limit + ref.symbol_of_row(row, [k])[0, 0] / 2.5) < 1e-14  # 6e-17
-        assert (
-            abs(limit - cf.dispersion_1d(k, 1e-9, m, N, kappa, 2.5)) < 1e-8
-        )  # 2e-10, of the order of u₀ = 1e-9
+        assert abs(limit - cf.dispersion_1d(k, 1e-9, m, N, kappa, 2.5)) < 1e-8  # 2e-10, of the order of u₀ = 1e-9
 
 
 def test_singular_bar():
@@ -270,9 +268,7 @@ def loops_2d(F, m, N, S, C, volume):
         r2, y = p @ p, F @ p
         s = np.sqrt(y @ y / r2)
         D = 4 * np.outer(p, p) - r2 * np.eye(2)
-        total -= (
-            s ** (4 * m - 2) * np.outer(y, y) / (y @ y) * np.sum(D * np.tensordot(C, D)) / r2**3 / volume**2
-        )
+        total -= s ** (4 * m - 2) * np.outer(y, y) / (y @ y) * np.sum(D * np.tensordot(C, D)) / r2**3 / volume**2
         stiff = 2 * (m - 1) * np.outer(y, y) / (y @ y) + np.eye(2)
         total -= 2 * s ** (2 * m - 2) * np.sum(S * D) / r2**2 * stiff / volume
     return total
@@ -311,9 +307,7 @@ def literal_2ddfss(a, m, N, S, C):
         rest = 4 * (m - 1) * mixed(i, j, k, l) + (2 - m) * d[i, j] * d[k, l] * (4 + pi * log)
         out[k, l] -= 4 / (pi * N) * (1 + a) ** (2 * m - 2) * S[i, j] * rest
         for r, s in np.ndindex(2, 2):
-            brace = gam[i, j, k, l, r, s] * pi / 2 * log + (i == j == k == l == r == s) * (
-                16 + 5 * pi / 2 * log
-            )
+            brace = gam[i, j, k, l, r, s] * pi / 2 * log + (i == j == k == l == r == s) * (16 + 5 * pi / 2 * log)
             brace += d[i, j] * d[r, s] * d[k, l] * (1 + pi / 4 * log)
             brace -= d[r, s] * mixed(i, j, k, l) + d[i, j] * mixed(r, s, k, l)
             out[k, l] -= 4 / (pi * N) ** 2 * (1 + a) ** (4 * m - 2) * C[i, j, r, s] * brace
@@ -351,9 +345,7 @@ def test_lattice_diagonal_and_its_root(dim, N):
     for m, a in itertools.product((-1.0, -0.3, 0.0, 1.0), (-0.15, 0.2)):
         exact = moved_centre(dim, N, a, m, 1.1, 0.6)
         assert abs(cf.lattice_diagonal(a, m, dim, N, 1.1, 0.6) - exact) < 1e-12 * abs(exact) + 1e-13  # 3e-15
-        assert (
-            abs(cf.lattice_diagonal(a, m, dim, N, 1.1, 0.6, 0.5) - 4 * exact) < 1e-11 * abs(exact) + 1e-12
-        )  # 1e-14
+        assert abs(cf.lattice_diagonal(a, m, dim, N, 1.1, 0.6, 0.5) - 4 * exact) < 1e-11 * abs(exact) + 1e-12  # 1e-14
     root = brentq(lambda a: moved_centre(dim, N, a, 1.0, 1.1, 0.6), -0.5, 0.0, xtol=1e-15)
     assert abs(cf.lattice_critical_load(1.0, dim, N, 1.1, 0.6) - root) < 1e-12  # 3e-17
 
@@ -478,9 +470,7 @@ def test_strain_recovers_the_local_one_only_sometimes(dim, N):
     for m in (-1.0, 0.0, 0.5, 2.0):
         assert np.max(np.abs(cf.strain_defect(1.3 * Q, m, xi, omega))) < 1e-13  # 2e-16
         stretch = np.diag(np.linspace(1.0, -0.5, dim))  # any traceful, anisotropic strain
-        small = [
-            np.max(np.abs(cf.strain_defect(np.eye(dim) + e * stretch, m, xi, omega))) for e in (1e-2, 1e-3)
-        ]
+        small = [np.max(np.abs(cf.strain_defect(np.eye(dim) + e * stretch, m, xi, omega))) for e in (1e-2, 1e-3)]
         if dim == 1:
             assert max(small) < 1e-14  # 2e-18
         else:
@@ -547,9 +537,7 @@ def test_silling_diagonal_3d_is_the_lattices_with_the_balls_shape_tensor():
 # ---------------------------------------------------------------- thresholds of the symbol
 
 
-@pytest.mark.parametrize(
-    ("dim", "N", "decay"), [(1, 3, 0.0), (2, 2, 0.0), (2, 3, 0.0), (2, 3, 1.5), (3, 1.5, 0.0)]
-)
+@pytest.mark.parametrize(("dim", "N", "decay"), [(1, 3, 0.0), (2, 2, 0.0), (2, 3, 0.0), (2, 3, 1.5), (3, 1.5, 0.0)])
 def test_hydrostatic_thresholds(dim, N, decay):
     """Signs of brute-force symbols on both sides of each threshold, and the symbol itself at finite load."""
     lam, mu = 1.0, 0.7
@@ -609,9 +597,7 @@ def test_thresholds_leave_no_order_stable_on_both_sides():
         (lambda: cf.bracket_2d(0.1, 1.0, 3, law="hookean"), "law"),
         (lambda: cf.lattice_diagonal(0.1, 1.0, 2, 1, 1.0, 1.0), "shape tensor L"),
         (
-            lambda: cf.jacobian_entry(
-                np.zeros(1), [[1.0], [2.0]], [1.0, 1.0], 1.0, np.eye(1), 1.0, np.eye(1), 1.0
-            ),
+            lambda: cf.jacobian_entry(np.zeros(1), [[1.0], [2.0]], [1.0, 1.0], 1.0, np.eye(1), 1.0, np.eye(1), 1.0),
             "xi",
         ),
         (lambda: cf.silling_diagonal_3d(np.zeros((2, 2, 2, 2)), 1.0, 1.0), "tangent"),
@@ -639,9 +625,7 @@ def test_transformations():
     slope = (entry(0.6 + 1e-5) - entry(0.6 - 1e-5)) / 2e-5
     assert abs(jax.jit(jax.grad(entry))(0.6) - slope) < 1e-9  # 8e-14
     width = jax.grad(lambda w: cf.hydrostatic_thresholds(2, 3, lambda r, d: jnp.exp(-w * r / d))[1])(0.5)
-    up, down = (
-        cf.hydrostatic_thresholds(2, 3, lambda r, d, w=w: jnp.exp(-w * r / d))[1] for w in (0.50001, 0.49999)
-    )
+    up, down = (cf.hydrostatic_thresholds(2, 3, lambda r, d, w=w: jnp.exp(-w * r / d))[1] for w in (0.50001, 0.49999))
     assert abs(width - (up - down) / 2e-5) < 1e-8  # 7e-13
 
 
