@@ -86,7 +86,7 @@ if __name__ == "__main__":
     write(
         "default_map",
         {
-            "pdjax map, cold, seconds": sorted(cold() for _ in range(3)),
+            "pdjax map, cold, seconds": sorted(cold() for _ in range(2)),
             "pdjax map, 24 x 25, cold, seconds": cold("--m=-2:2:24", "--a=-0.3:0.3:25"),
             "stability_map alone (symbol, 200 x 200), first and second call, seconds": [bare(), bare()],
             "precision, 24 x 25": precision(),

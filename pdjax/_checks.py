@@ -41,6 +41,12 @@ def finite(name: str, value: Any) -> np.ndarray:
     return array
 
 
+def as_real(x: Any) -> jax.Array:
+    """An array of the default float type at least: a constant given as 1 is 1.0."""
+    x = jnp.asarray(x)
+    return x if jnp.issubdtype(x.dtype, jnp.inexact) else x.astype(jnp.result_type(float))
+
+
 def choice(name: str, value: Any, allowed: Sequence[str]) -> str:
     """`value` if it is one of `allowed`; else ValueError listing them."""
     if value not in allowed:

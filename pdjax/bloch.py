@@ -27,7 +27,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ._checks import deformation_gradient, require
-from .force import check_model, piola_stress
+from .force import affine_stress, check_model
 from .models.base import AbstractModel, PointStateModel
 from .neighbours import Family
 from .tangent import family_tangent, linearise_states
@@ -52,8 +52,8 @@ def wave_phases(fam: Family, k: Float[Array, "*waves dim"]) -> Phases:
 
 def long_wave_phases(fam: Family, direction: Float[Array, "*waves dim"]) -> Phases:
     """The limit k → 0 along a direction (any length: the quotient by κ² does not depend on it)."""
-    x = direction @ fam.xi[: fam.xi.shape[0] // 2].T
-    return Phases(x**2, x, jnp.zeros_like(x), jnp.sum(direction**2, axis=-1))
+    x = direction @ fam.xi[: fam.xi.shape[0] // 2].T / fam.spacing
+    return Phases(x**2, x, jnp.zeros_like(x), jnp.sum(direction**2, axis=-1) / fam.spacing**2)
 
 
 class StateTangent(eqx.Module):
@@ -142,6 +142,7 @@ def symbol(model: AbstractModel, fam: Family, F, k) -> Float[Array, "*waves dim 
 
 def p_wave_modulus(model: AbstractModel, fam: Family) -> Float[Array, ""]:
     """M = ∂P₁₁/∂F₁₁ at F = I [pressure]: the law's λ + 2μ, as the model on this family has it."""
+    check_model(model, fam)
     I = jnp.eye(fam.dim, dtype=fam.xi.dtype)
     axial = jnp.zeros_like(I).at[0, 0].set(1)
-    return jax.jvp(lambda F: piola_stress(model, fam, F), (I,), (axial,))[1][0, 0]
+    return jax.jvp(lambda F: affine_stress(model, fam, F), (I,), (axial,))[1][0, 0]

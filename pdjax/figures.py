@@ -87,7 +87,9 @@ def _printed(grid: StabilityMap, N: float) -> np.ndarray | None:
     }.get(settings["dim"])
     if bracket is None:
         return None
-    return np.array([np.asarray(bracket(grid.a, m)) for m in grid.m])
+    # the paper's own branch at m = 0 is not the limit of the other: a lone column of it would draw a false spike
+    orders = np.where(grid.m == 0, 1e-9, grid.m)
+    return np.array([np.asarray(bracket(grid.a, m)) for m in orders])
 
 
 def stability_map(grid: StabilityMap, horizon: int = 0) -> Figure:

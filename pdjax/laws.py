@@ -18,13 +18,17 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ._checks import choice
+from ._checks import as_real, choice
 
 
 class Law(eqx.Module):
-    """A strain energy. Subclasses set `takes` to "E" or "F" and define `energy` of that tensor."""
+    """A strain energy. Subclasses set `takes` to "E" or "F" and define `energy` of that tensor.
+
+    `isotropic` is a promise: only then may a lattice's symmetry shorten the search of its waves.
+    """
 
     takes: eqx.AbstractVar[str]
+    isotropic: eqx.AbstractVar[bool]
 
     def energy(self, tensor: Float[Array, "dim dim"]) -> Float[Array, ""]:
         """Strain energy density [force/length² in 2D and 3D terms: the modulus' unit]."""
@@ -34,9 +38,10 @@ class Law(eqx.Module):
 class LinearElastic(Law):
     """Ψ = ½ λ tr(E)² + μ E:E, so S = λ tr(E) I + 2 μ E; in 1D S = (λ + 2μ) E. λ, μ [pressure]."""
 
-    lam: Float[Array, "..."] = eqx.field(converter=jnp.asarray)
-    mu: Float[Array, "..."] = eqx.field(converter=jnp.asarray)
+    lam: Float[Array, "..."] = eqx.field(converter=as_real)
+    mu: Float[Array, "..."] = eqx.field(converter=as_real)
     takes: ClassVar[str] = "E"  # type: ignore[misc]
+    isotropic: ClassVar[bool] = True  # type: ignore[misc]
 
     def energy(self, tensor: Float[Array, "dim dim"]) -> Float[Array, ""]:
         return 0.5 * self.lam * jnp.trace(tensor) ** 2 + self.mu * jnp.sum(tensor * tensor)
@@ -45,9 +50,10 @@ class LinearElastic(Law):
 class NeoHookean(Law):
     """ψ = ½ μ (tr FᵀF − d − 2 log J) + ½ λ (log J)²; linearises to LinearElastic(λ, μ). λ, μ [pressure]."""
 
-    lam: Float[Array, "..."] = eqx.field(converter=jnp.asarray)
-    mu: Float[Array, "..."] = eqx.field(converter=jnp.asarray)
+    lam: Float[Array, "..."] = eqx.field(converter=as_real)
+    mu: Float[Array, "..."] = eqx.field(converter=as_real)
     takes: ClassVar[str] = "F"  # type: ignore[misc]
+    isotropic: ClassVar[bool] = True  # type: ignore[misc]
 
     def energy(self, tensor: Float[Array, "dim dim"]) -> Float[Array, ""]:
         log_J = jnp.log(jnp.linalg.det(tensor))
@@ -56,16 +62,17 @@ class NeoHookean(Law):
         return 0.5 * self.mu * (excess - 2 * log_J) + 0.5 * self.lam * log_J**2
 
 
-class EnergyLaw(Law):
+class EnergyLaw(Law):  # type: ignore[misc]
     """A law from a user's function: `EnergyLaw(lambda E, c: ..., takes="E", constants=c)`.
 
     `function` maps (tensor, constants) to the energy density; `constants` is any tree of arrays (traced,
-    differentiable). Its value and stress at rest should be zero.
+    differentiable). Its value and stress at rest should be zero. `isotropic=True` promises that it is.
     """
 
-    function: Callable[[Any, Any], Any] = eqx.field(static=True)
-    takes: str = eqx.field(static=True)
-    constants: Any = ()
+    function: Callable[[Any, Any], Any] = eqx.field(static=True)  # type: ignore[misc]
+    takes: str = eqx.field(static=True)  # type: ignore[misc]
+    constants: Any = eqx.field(converter=lambda tree: jax.tree.map(as_real, tree), default=())
+    isotropic: bool = eqx.field(static=True, default=False)
 
     def __check_init__(self):
         choice("takes", self.takes, ("E", "F"))

@@ -19,8 +19,7 @@ from jaxtyping import Float
 
 from ._checks import choice, finite, writable
 from ._progress import progress
-from .criteria import CRITERIA, evaluate, family_zone, margin_tolerance, verdicts
-from .force import check_model
+from .criteria import CRITERIA, check_at_rest, evaluate, family_zone, margin_tolerance, verdicts
 from .influence import constant_influence
 from .laws import Law, law_label
 from .models.seth_hill import SethHill
@@ -95,7 +94,7 @@ def _free_memory() -> float:
 @eqx.filter_jit
 def _chunk(m, a, fam, law, path: Path, names: tuple[str, ...], intervals: int | None):
     """(margin, eigenvalue, tolerance) of every named criterion, for pairs (m, a)."""
-    zone = family_zone(fam, path_symmetry(path, fam), intervals)
+    zone = family_zone(fam, path_symmetry(path, fam, law.isotropic), intervals)
 
     def one(m, a):
         model = SethHill(m, law)
@@ -135,7 +134,8 @@ def stability_map(
     """Margins of the Seth–Hill model over orders m and loads a along a path, on infinite lattices.
 
     Arguments: m (orders,), a (loads,) [-]; N horizon(s) over spacing [-]; law in E; `lines`: further criteria to
-        evaluate on the same grid; resolution as in `stability`; save: an .npz path, checked before and kept up to
+        evaluate on the same grid, thinned to 64 along an axis; resolution as in `stability`; save: an .npz path,
+        checked before and kept up to
         date during a long run (states not reached yet are NaN, "undefined").
     Returns: `StabilityMap`: .margin and .eigenvalue (orders, loads), with a leading axis if N is a sequence.
     Raises: ValueError for NaN, empty m or a, det F ≤ 0, a singular family, a map too large for memory;
@@ -160,9 +160,9 @@ def stability_map(
 
     fams = [lattice_family(dim, float(n), influence=influence) for n in horizons]
     for fam in fams:
-        check_model(SethHill(jnp.asarray(orders[0]), law), fam)
+        check_at_rest(SethHill(jnp.asarray(orders[0]), law), fam)
         _check_loads(loads, orders, fam, law, path)
-    zones = [family_zone(fam, path_symmetry(path, fam), resolution) for fam in fams]
+    zones = [family_zone(fam, path_symmetry(path, fam, law.isotropic), resolution) for fam in fams]
     settings = {
         "dim": dim,
         "N": horizons.tolist(),

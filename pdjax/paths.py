@@ -18,7 +18,7 @@ import jax.numpy as jnp
 import optimistix as optx
 from jaxtyping import Array, Float
 
-from .force import piola_stress
+from .force import affine_stress
 from .models.base import AbstractModel
 from .neighbours import Family
 
@@ -57,7 +57,7 @@ def uniaxial_stress(a, model: AbstractModel, fam: Family) -> Float[Array, "dim d
         return uniaxial_strain(a, model, fam) + jnp.expm1(log_b) * lateral
 
     def lateral_stress(log_b, a, model, fam):
-        return piola_stress(model, fam, stretched(log_b, a))[1, 1]
+        return affine_stress(model, fam, stretched(log_b, a))[1, 1]
 
     eps = float(jnp.finfo(fam.xi.dtype).eps)
     still = jax.lax.stop_gradient((a, model, fam))
@@ -70,10 +70,12 @@ def uniaxial_stress(a, model: AbstractModel, fam: Family) -> Float[Array, "dim d
     )
     exists = found.result == optx.RESULTS.successful
     at = jnp.where(exists, found.value, 0.0)
-    # one more Newton step, written so that its derivative is the implicit function theorem's
-    value, slope = jax.jvp(lambda log_b: lateral_stress(log_b, a, model, fam), (at,), (jnp.ones_like(at),))
-    log_b = jnp.where(exists, at - value / jax.lax.stop_gradient(slope), jnp.nan)
-    return stretched(log_b, a)
+    # Newton's step from the root is the implicit function theorem: taken twice, it has exact derivatives to third order
+    log_b = at
+    for _ in range(2):
+        value, slope = jax.jvp(lambda b: lateral_stress(b, a, model, fam), (log_b,), (jnp.ones_like(at),))
+        log_b = log_b - value / slope
+    return stretched(jnp.where(exists, log_b, jnp.nan), a)
 
 
 @_keeps("inversion", stretch=False)
@@ -92,6 +94,6 @@ PATHS: dict[str, Path] = {
 }
 
 
-def path_symmetry(path: Path, fam: Family) -> str:
-    """What the lattice keeps along `path`; only inversion if the family's own weights are not cubic."""
-    return getattr(path, "symmetry", "inversion") if fam.cubic else "inversion"
+def path_symmetry(path: Path, fam: Family, isotropic: bool) -> str:
+    """What the deformed lattice keeps along `path`: only inversion if its weights or its material prefer directions."""
+    return getattr(path, "symmetry", "inversion") if fam.cubic and isotropic else "inversion"

@@ -22,7 +22,7 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float
 
 from ._checks import choice, deformation_gradient
-from .force import _split, body_bonds, check_model, force_density
+from .force import _split, body_bonds, check_model, force_density, point_field
 from .models.base import AbstractModel, PointStateModel
 from .neighbours import Bonds, Families, Family
 
@@ -96,8 +96,8 @@ def block_at_center(model: AbstractModel, fam: Family, F: Float[Array, "dim dim"
 def jvp(model: AbstractModel, fams: Families, u, v, F=None) -> Float[Array, "points dim"]:
     """J v, the directional derivative of the force density at u along v (points, dim) [length]."""
     check_model(model, fams)
-    u = jnp.asarray(u, dtype=fams.xi.dtype)
-    return jax.jvp(lambda w: force_density(model, fams, w, F), (u,), (jnp.asarray(v, dtype=u.dtype),))[1]
+    u, v = (point_field(x, fams, name).astype(fams.xi.dtype) for x, name in ((u, "u"), (v, "v")))
+    return jax.jvp(lambda w: force_density(model, fams, w, F), (u,), (v,))[1]
 
 
 def jacobian(model: AbstractModel, fams: Families, u, form: str = "sparse", F=None):

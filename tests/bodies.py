@@ -41,8 +41,8 @@ def points(dim, kind):
 def padded(fams, width):
     """The same families with more slots: the point itself, any non-zero ξ, weight 0."""
     more = ((0, 0), (0, width - fams.xi.shape[1]))
-    own = np.arange(len(fams))[:, None]
-    slots = np.arange(width)[None, :]
+    own = np.arange(len(fams), dtype=np.int32)[:, None]
+    slots = np.arange(width, dtype=np.int32)[None, :]
     empty = slots >= fams.xi.shape[1]
     return eqx.tree_at(
         lambda f: (f.neighbours, f.reverse, f.xi, f.influence, f.weight),
@@ -119,7 +119,7 @@ def respond(model, fams, u):
 
 @jax.jit
 def homogeneous(model, fam, F):
-    """W(F) and ∂W/∂F of a lattice family by autodiff of its energy (None without one), P and ∂P/∂F."""
+    """W(F) and ∂W/∂F of a lattice family by autodiff of its energy (None without one), P, ∂P/∂F and T."""
 
     def stress(F):
         P = pd.piola_stress(model, fam, F)
@@ -129,4 +129,4 @@ def homogeneous(model, fam, F):
     if model.hyperelastic:
         energy, slope = jax.value_and_grad(lambda F: model.energy(fam.bonds(F)))(F)
     moduli, P = jax.jacfwd(stress, has_aux=True)(F)
-    return energy, slope, P, moduli
+    return energy, slope, P, moduli, pd.force_state(model, fam, F)

@@ -75,9 +75,9 @@ def test_measure_and_its_derivatives_in_s_and_m_to_third_order():
     found = np.asarray(jax.jit(jax.vmap(every_derivative))(s, m))
     exact = np.array([[partial(a, b, *order) for order in ORDERS] for a, b in zip(s, m, strict=True)])
     # relative to itself, but for derivatives that vanish: there, to 1
-    assert worst((found - exact) / np.maximum(np.abs(exact), 1.0)) < 1e-13  # 1
+    assert worst((found - exact) / np.maximum(np.abs(exact), 1.0)) < 1e-13  # 3e-14
     value, exact = found[:, 0], exact[:, 0].astype(float)
-    assert worst(value[exact != 0] / exact[exact != 0], 1.0) < 1e-14  # 1
+    assert worst(value[exact != 0] / exact[exact != 0], 1.0) < 1e-14  # 7e-16
 
 
 @pytest.mark.parametrize("m", [0.0, 0.5, 1.0, -0.7])
@@ -90,9 +90,9 @@ def test_no_cancellation_at_tiny_strain(m, size):
     g = np.sum((2 * exact_xi + exact_eta) * exact_eta) / np.sum(exact_xi**2)
     ell = np.log1p(g) / 2
     found = kin.log_stretch(jnp.asarray(xi), jnp.asarray(eta))
-    assert worst(found / float(ell), 1.0) < 1e-14  # 1
+    assert worst(found / float(ell), 1.0) < 1e-14  # 4e-16
     strain = ell if m == 0 else np.expm1(2 * m * ell) / (2 * m)
-    assert worst(kin.seth_hill(found, m) / float(strain), 1.0) < 1e-14  # 1
+    assert worst(kin.seth_hill(found, m) / float(strain), 1.0) < 1e-14  # 7e-16
 
 
 # ---------------------------------------------------------------- shape tensors and Mandel vectors
@@ -105,8 +105,8 @@ def test_mandel_vectors_keep_the_inner_product(dim, seed):
     A, B = A + A.T, B + B.T
     a, b = kin.to_mandel(jnp.asarray(A)), kin.to_mandel(jnp.asarray(B))
     assert a.shape == (dim * (dim + 1) // 2,)
-    assert worst(a @ b, np.sum(A * B)) < 1e-13  # 1
-    assert worst(kin.from_mandel(a, dim), A) < 1e-14  # 1
+    assert worst(a @ b, np.sum(A * B)) < 1e-13  # 4e-15
+    assert worst(kin.from_mandel(a, dim), A) < 1e-14  # 4e-16
 
 
 def family_bonds(dim, kind, i, seed):
@@ -123,7 +123,7 @@ shape_L, shape_K = jax.jit(kin.shape_tensor_L), jax.jit(kin.shape_tensor_K)
 
 @pytest.mark.parametrize("dim, kind", bodies.BODIES)
 def test_shape_tensors_of_surface_points(dim, kind):
-    """L applied to a tensor A is Σ w (n·An) n⊗n; its inverse is the reference's dual; K = Σ w ξ⊗ξ."""
+    """L applied to a tensor A is Σ w (n·An) n⊗n; its inverse gives the dual of the reference; K = Σ w ξ⊗ξ."""
     mine, bonds = family_bonds(dim, kind, 0, 1)
     w = bonds.omega * bonds.volume
     n = bonds.xi / np.linalg.norm(bonds.xi, axis=1)[:, None]
@@ -132,11 +132,10 @@ def test_shape_tensors_of_surface_points(dim, kind):
     L, K = np.asarray(shape_L(mine)), np.asarray(shape_K(mine))
     applied = kin.from_mandel(jnp.asarray(L @ np.asarray(kin.to_mandel(jnp.asarray(A)))), dim)
     exact = sum(weight * (d @ A @ d) * np.outer(d, d) for weight, d in zip(w, n, strict=True))
-    assert worst(applied, exact) < 1e-14  # 1
-    assert worst(K, sum(weight * np.outer(x, x) for weight, x in zip(w, bonds.xi, strict=True))) < 1e-14  # 1
+    assert worst(applied, exact) < 1e-14  # 7e-16
+    assert worst(K, sum(weight * np.outer(x, x) for weight, x in zip(w, bonds.xi, strict=True))) < 1e-14  # 1e-16
     dual = np.linalg.solve(L, np.asarray(kin.direction_mandel(jnp.asarray(bonds.xi))).T).T
-    assert worst(kin.from_mandel(jnp.asarray(dual), dim), ref._dual(bonds.xi, w)) < 1e-10  # 1
-    assert worst(np.linalg.inv(K) @ K, np.eye(dim)) < 1e-13  # 1
+    assert worst(kin.from_mandel(jnp.asarray(dual), dim), ref._dual(bonds.xi, w)) < 1e-10  # 6e-15
 
 
 # ---------------------------------------------------------------- nonlocal strain
@@ -163,13 +162,8 @@ def affine(dim, kind, H):
 @given(seed=SEEDS)
 def test_mean_deformation_gradient_is_exact_for_affine_maps_at_every_point(dim, kind, seed):
     H = np.random.default_rng(seed).normal(size=(dim, dim))  # any map: folded matter too
-    assert (
-        worst(
-            gradients(bodies.families(dim, kind), affine(dim, kind, H)),
-            np.broadcast_to(H, (len(bodies.points(dim, kind)), dim, dim)),
-        )
-        < 1e-12
-    )  # 1
+    found = gradients(bodies.families(dim, kind), affine(dim, kind, H))
+    assert worst(found, np.broadcast_to(H, found.shape)) < 1e-12  # 2e-15
 
 
 def classical(F, m):
@@ -186,10 +180,10 @@ def test_mean_strain_is_exact_for_similarities_and_for_m_1(dim, kind, seed, stre
     points = len(fams)
     similar = stretch * bodies.rotation(dim, seed)
     exact = np.broadcast_to(classical(similar, m), (points, dim, dim))
-    assert worst(mean_strains(fams, affine(dim, kind, similar - np.eye(dim)), m), exact) < 1e-11  # 1
+    assert worst(mean_strains(fams, affine(dim, kind, similar - np.eye(dim)), m), exact) < 1e-11  # 2e-14
     F = bodies.deformation(dim, seed, size=0.4)
     exact = np.broadcast_to(classical(F, 1.0), (points, dim, dim))
-    assert worst(mean_strains(fams, affine(dim, kind, F - np.eye(dim)), 1.0), exact) < 1e-11  # 1
+    assert worst(mean_strains(fams, affine(dim, kind, F - np.eye(dim)), 1.0), exact) < 1e-11  # 3e-15
 
 
 @pytest.mark.parametrize("dim, kind", [body for body in bodies.BODIES if body[0] > 1])
@@ -202,7 +196,7 @@ def test_mean_strain_is_otherwise_exact_to_first_order_only(dim, kind, m):
         found = mean_strains(fams, affine(dim, kind, size * G), m)
         defect.append(worst(found, np.broadcast_to(classical(np.eye(dim) + size * G, m), found.shape)))
     assert defect[1] > 1e-9
-    assert abs(np.log2(defect[0] / defect[1]) - 2) < 0.01  # 1
+    assert abs(np.log2(defect[0] / defect[1]) - 2) < 0.01  # 3e-3
 
 
 # ---------------------------------------------------------------- the classical strain E_m(F)
@@ -217,7 +211,7 @@ def test_local_strain_is_that_of_the_eigenvectors(dim, seed, m):
     stretch = np.random.default_rng(seed).uniform(np.sqrt(0.2), np.sqrt(5.0), dim)
     F = bodies.rotation(dim, seed + 1) @ np.diag(stretch) @ bodies.rotation(dim, seed)
     exact = classical(F, m)
-    assert worst(local(F, m) / np.linalg.norm(exact), exact / np.linalg.norm(exact)) < 1e-12  # 1
+    assert worst(local(F, m) / np.linalg.norm(exact), exact / np.linalg.norm(exact)) < 1e-12  # 3e-15
 
 
 @pytest.mark.parametrize("dim", [1, 2, 3])
@@ -225,11 +219,11 @@ def test_local_strain_is_that_of_the_eigenvectors(dim, seed, m):
 def test_local_strain_of_equal_and_tiny_stretches(dim, m):
     for stretch in (1.0, 0.7, 1.6):
         exact = np.log(stretch) if m == 0 else (stretch ** (2 * m) - 1) / (2 * m)
-        assert worst(local(stretch * jnp.eye(dim), m), exact * np.eye(dim)) < 1e-14  # 1
+        assert worst(local(stretch * jnp.eye(dim), m), exact * np.eye(dim)) < 1e-14  # 6e-16
     G = bodies.random(dim).normal(size=(dim, dim))
     tiny = np.asarray(local(jnp.eye(dim) + 1e-9 * G, m))
     F_minus_I = (np.eye(dim) + 1e-9 * G) - np.eye(dim)
-    assert worst(tiny / 1e-9, (F_minus_I + F_minus_I.T) / 2e-9) < 1e-7  # 1
+    assert worst(tiny / 1e-9, (F_minus_I + F_minus_I.T) / 2e-9) < 1e-7  # 3e-9
 
 
 def local_gradient(F, m, G):
@@ -245,7 +239,7 @@ def test_local_strain_is_twice_differentiable_at_equal_stretches(dim, order):
     gradient, hessian = jax.jit(local_gradient), jax.jit(jax.jacfwd(local_gradient))
     for m in (0.0, 1.0, -0.7):
         symmetric = (np.asarray(G) + np.asarray(G).T) / 2
-        assert worst(gradient(here, m, G), c ** (2 * m - 1) * symmetric) < 1e-13  # 1
+        assert worst(gradient(here, m, G), c ** (2 * m - 1) * symmetric) < 1e-13  # 4e-16
         for index in ((0, 0), (0, 1), (1, 0), (1, 1)) if order == 2 else ():
             up, down = (gradient(here.at[index].add(h), m, G) for h in (step, -step))
-            assert worst((up - down) / (2 * step), hessian(here, m, G)[..., *index]) < 1e-8  # 1
+            assert worst((up - down) / (2 * step), hessian(here, m, G)[..., *index]) < 1e-8  # 9e-11

@@ -22,7 +22,7 @@ def test_every_path_starts_at_rest(name, dim):
     if (name, dim) == ("simple-shear", 1):
         pytest.skip("refused: see below")
     fam = pd.lattice_family(dim, 1.5)
-    assert worst(eqx.filter_jit(pd.PATHS[name])(0.0, MODEL, fam), np.eye(dim)) < 1e-15  # 1
+    assert worst(eqx.filter_jit(pd.PATHS[name])(0.0, MODEL, fam), np.eye(dim)) < 1e-15  # 0
 
 
 @pytest.mark.parametrize(
@@ -39,19 +39,20 @@ def test_every_path_starts_at_rest(name, dim):
 )
 def test_known_deformations(name, dim, exact):
     F = pd.PATHS[name](0.2, MODEL, pd.lattice_family(dim, 1.5))
-    assert worst(F, np.array(exact)) < 1e-15  # 1
+    assert worst(F, np.array(exact)) < 1e-15  # 0
 
 
 def test_symmetry_is_that_of_the_path_while_the_family_has_it():
-    kept = {name: path_symmetry(path, FAM) for name, path in pd.PATHS.items()}
+    kept = {name: path_symmetry(path, FAM, True) for name, path in pd.PATHS.items()}
     assert kept == {
         "hydrostatic": "cubic",
         "uniaxial-strain": "tetragonal",
         "uniaxial-stress": "tetragonal",
         "simple-shear": "inversion",
     }
-    assert path_symmetry(lambda a, model, fam: jnp.eye(2), FAM) == "inversion"
-    assert path_symmetry(pd.hydrostatic, FAM.with_weight(jnp.full(12, 0.5))) == "inversion"
+    assert path_symmetry(lambda a, model, fam: jnp.eye(2), FAM, True) == "inversion"
+    assert path_symmetry(pd.hydrostatic, FAM.with_weight(jnp.full(12, 0.5)), True) == "inversion"
+    assert path_symmetry(pd.hydrostatic, FAM, False) == "inversion"
 
 
 # ---------------------------------------------------------------- uniaxial stress
@@ -74,14 +75,14 @@ def test_lateral_stress_vanishes(name, dim, a):
     """And at tiny load the lateral strain is −ν a, ν = λ/(λ(d − 1) + 2μ)."""
     F, P, slope, _ = pulled(a, MODELS[name], pd.lattice_family(dim, 1.5, 0.5))
     assert float(F[0, 0]) == 1 + a and worst(F, np.diag(np.diag(F))) == 0
-    assert worst(np.asarray(P)[1:, 1:]) < 1e-14  # 1
+    assert worst(np.asarray(P)[1:, 1:]) < 1e-14  # 8e-16
     assert a * float(P[0, 0]) > 0
     if dim == 3:
         assert worst(F[1, 1], F[2, 2]) == 0
     if abs(a) < 1e-6:
         nu = LAM / (LAM * (dim - 1) + 2 * MU)
-        assert worst(slope[1, 1], -nu) < 1e-7  # 1
-        assert worst((F[1, 1] - 1) / a, -nu) < 1e-6  # 1
+        assert worst(slope[1, 1], -nu) < 1e-7  # 1e-9
+        assert worst((F[1, 1] - 1) / a, -nu) < 1e-6  # 4e-8
 
 
 def test_lateral_stretch_of_st_venant_kirchhoff_in_closed_form():
@@ -89,7 +90,7 @@ def test_lateral_stretch_of_st_venant_kirchhoff_in_closed_form():
     nu = LAM / (LAM + 2 * MU)
     for a in (-0.3, 0.1, 0.4):
         exact = np.sqrt(1 - nu * (a**2 + 2 * a))
-        assert worst(pulled(a, MODEL, FAM)[0][1, 1], exact) < 1e-14  # 1
+        assert worst(pulled(a, MODEL, FAM)[0][1, 1], exact) < 1e-14  # 0
 
 
 @pytest.mark.parametrize("name", PULLED)
@@ -97,7 +98,7 @@ def test_derivatives_in_the_load_and_the_constants(name):
     """By the implicit function theorem; against central differences, m among the constants."""
     a, step, model = 0.15, 1e-5, MODELS[name]
     _, _, in_a, in_model = pulled(a, model, FAM)
-    assert worst(in_a, (pulled(a + step, model, FAM)[0] - pulled(a - step, model, FAM)[0]) / (2 * step)) < 1e-8  # 1
+    assert worst(in_a, (pulled(a + step, model, FAM)[0] - pulled(a - step, model, FAM)[0]) / (2 * step)) < 1e-8  # 5e-11
     leaves, tree = jax.tree.flatten(model)
     programs = pulled._cache_size()
     slopes = jax.tree.leaves(in_model)
@@ -107,14 +108,14 @@ def test_derivatives_in_the_load_and_the_constants(name):
             pulled(a, jax.tree.unflatten(tree, [leaf + h * (i == n) for i, leaf in enumerate(leaves)]), FAM)[0]
             for h in (step, -step)
         )
-        assert worst(slope, (up - down) / (2 * step)) < 1e-8  # 1
+        assert worst(slope, (up - down) / (2 * step)) < 1e-8  # 1e-11
         assert worst(slope) > 1e-4
     assert pulled._cache_size() == programs  # a new load or constant compiles nothing
 
 
 def test_no_state_is_nan_and_says_no_more():
     """λ so large that no lateral stretch undoes a pull of 3 in St. Venant–Kirchhoff: b² would be negative."""
-    F = pulled(3.0, pd.SethHill(1.0, pd.LinearElastic(10.0, 0.5)), FAM)[0]
+    F = pd.uniaxial_stress(3.0, pd.SethHill(1.0, pd.LinearElastic(10.0, 0.5)), FAM)
     assert np.isnan(F[1, 1])
 
 
@@ -123,11 +124,10 @@ def test_simple_shear_needs_two_dimensions():
         pd.simple_shear(0.1, MODEL, pd.lattice_family(1, 2))
 
 
-@pytest.mark.xfail(strict=True, reason="one Newton step carries first derivatives only")
 def test_uniaxial_stress_has_second_derivatives():
     """d²b/da² of St. Venant–Kirchhoff: b = √(1 − ν(a² + 2a)), b″ = −(ν + b′²)/b."""
     a, nu = 0.15, LAM / (LAM + 2 * MU)
     b = np.sqrt(1 - nu * (a**2 + 2 * a))
     exact = -(nu + (nu * (1 + a) / b) ** 2) / b
     second = jax.jit(jax.grad(jax.grad(lambda a: pd.uniaxial_stress(a, MODEL, FAM)[1, 1])))(a)
-    assert worst(second, exact) < 1e-12  # 1
+    assert worst(second, exact) < 1e-12  # 8e-1

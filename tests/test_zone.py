@@ -127,10 +127,10 @@ def test_kept_symmetry_is_read_off_a_concrete_deformation():
         "inversion": np.eye(3) + 1e-12 * np.eye(3, k=1),
     }
     for expected, F in cases.items():
-        assert kept_symmetry(jnp.asarray(F), fam) == expected
-        assert kept_symmetry(jnp.asarray(F), fam.with_weight(jnp.full(18, 0.5))) == "inversion"
+        assert kept_symmetry(jnp.asarray(F), fam, True) == expected
+        assert kept_symmetry(jnp.asarray(F), fam.with_weight(jnp.full(18, 0.5)), True) == "inversion"
     seen = []
-    jax.make_jaxpr(lambda F: seen.append(kept_symmetry(F, fam)) or F)(jnp.eye(3))
+    jax.make_jaxpr(lambda F: seen.append(kept_symmetry(F, fam, True)) or F)(jnp.eye(3))
     assert seen == ["inversion"]
 
 
@@ -221,14 +221,14 @@ def test_climb_over_a_crossing_of_eigenvalues(start):
     def matrix(x):
         return jnp.array([[x[0], x[1]], [x[1], -x[0]]]) - jnp.sum(x**2) * jnp.eye(2)
 
-    found = np.asarray(zone.refine(matrix, jnp.asarray(start)))
+    found = np.asarray(zone.refine(matrix, jnp.asarray(start), 0.1))
     assert abs(float(zone.top_pair(matrix(found))[0]) - 0.25) < 1e-12  # 6e-17
     assert abs(np.linalg.norm(found) - 0.5) < 1e-6  # 1e-16
 
 
 def test_a_climb_that_meets_nan_stays_where_it_was():
     start = jnp.array([0.3, 0.4])
-    found = zone.refine(lambda x: jnp.where(jnp.all(x == start), 1.0, jnp.nan) * jnp.eye(2), start)
+    found = zone.refine(lambda x: jnp.where(jnp.all(x == start), 1.0, jnp.nan) * jnp.eye(2), start, 0.1)
     assert np.array_equal(found, start)
 
 
@@ -271,9 +271,7 @@ def searched(resolution):
 
 
 MISSED = pytest.mark.xfail(strict=True, reason="the climb leaves the valley's narrow maximum: 0.2 to 0.4 % low")
-MARKED = [
-    pytest.param(name, marks=MISSED if name in ("tie", "ridge", "far ridge", "fastest") else ()) for name in STATES
-]
+MARKED = [pytest.param(name, marks=MISSED if name in ("tie", "ridge", "far ridge") else ()) for name in STATES]
 
 
 @pytest.mark.parametrize("name", MARKED)

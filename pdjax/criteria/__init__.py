@@ -6,10 +6,12 @@ Behzadinasab & Foster (diagonal, continuum), Born & Huang 1954 (symbol).
 """
 
 import equinox as eqx
+import jax
 import numpy as np
 from jaxtyping import Array, Float
 
 from .._checks import choice, deformation_gradient, is_concrete
+from ..bloch import p_wave_modulus
 from ..force import check_model
 from ..models.base import AbstractModel
 from ..neighbours import Family, cells_within
@@ -59,9 +61,9 @@ def _reach(fam: Family) -> int:
     return reach
 
 
-def kept_symmetry(F, fam: Family) -> str:
+def kept_symmetry(F, fam: Family, isotropic: bool) -> str:
     """The symmetry of the deformed lattice, as far as a concrete F shows it."""
-    if not fam.cubic or not is_concrete(F):
+    if not (fam.cubic and isotropic and is_concrete(F)):
         return "inversion"
     F = np.asarray(F)
     stretch = np.diag(F)
@@ -70,6 +72,24 @@ def kept_symmetry(F, fam: Family) -> str:
     if (stretch == stretch[0]).all():
         return "cubic"
     return "tetragonal" if (stretch[1:] == stretch[1]).all() else "orthorhombic"
+
+
+@eqx.filter_jit
+def _modulus(model, fam):
+    return p_wave_modulus(model, fam)
+
+
+def check_at_rest(model: AbstractModel, fam: Family) -> None:
+    """Refuse a singular family, and a model whose P-wave modulus is not positive: every margin is divided by it."""
+    check_model(model, fam)
+    if is_concrete(model, fam):
+        with jax.ensure_compile_time_eval():
+            M = float(_modulus(model, fam))
+        if not M > 0:
+            raise ValueError(
+                f"law must have a positive P-wave modulus (lam + 2 mu) at rest; this one has {M:g}:"
+                " it is unstable before any load"
+            )
 
 
 @eqx.filter_jit
@@ -91,12 +111,13 @@ def stability(
     Arguments: F (dim, dim) [-], det F > 0; criterion one of `CRITERIA`; resolution: grid intervals from 0 to
         π/h along each axis of the Brillouin zone ("symbol"; default 8 for each spacing of the horizon).
     Returns: `Stability` (.verdict, .margin, .eigenvalue, .wave_vector, .mode), differentiable by the envelope theorem.
-    Raises: ValueError for an unknown criterion, det F ≤ 0, a singular family, a law without a local form.
+    Raises: ValueError for an unknown criterion, det F ≤ 0, a singular family, a law unstable at rest (λ + 2μ ≤ 0) or
+        without a local form. Derivatives of the margin are exact to first order, no further.
     """
     choice("criterion", criterion, list(CRITERIA))
-    check_model(model, fam)
+    check_at_rest(model, fam)
     F = deformation_gradient(F, fam.dim)
-    return _stability(model, fam, F, criterion, resolution, kept_symmetry(F, fam))
+    return _stability(model, fam, F, criterion, resolution, kept_symmetry(F, fam, model.isotropic))
 
 
 __all__ = [

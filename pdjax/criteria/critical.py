@@ -8,7 +8,7 @@ state there).
 
 **Threshold order.** At rest every half-reciprocal wave costs a Seth–Hill lattice nothing, so under a small load the
 sign of dλ/da at those points decides whether a side is unstable at once, for whatever law: `load_slope`. Its zero in
-m is `threshold_order`, the m at which the side turns.
+m is `stable_orders`, the m at which the side turns.
 """
 
 from typing import Any
@@ -28,7 +28,7 @@ from ..models.seth_hill import SethHill
 from ..neighbours import Family
 from ..paths import Path, hydrostatic, path_symmetry
 from ..zone import Zone, half_reciprocal_points
-from . import CRITERIA, evaluate, family_zone, margin_tolerance
+from . import CRITERIA, check_at_rest, evaluate, family_zone, margin_tolerance
 
 SIDES = ("negative", "positive")
 SMALLEST = 1e-6  # a side that is unstable at this load is called unstable at 0
@@ -63,6 +63,7 @@ def _critical(model, fam, path: Path, criterion: str, sign: Array, samples: Arra
         i = jnp.argmax(unstable)
         low, high = sizes[i], sizes[i + 1]
         split = low + (high - low) * jnp.arange(BATCH + 1, dtype=real) / BATCH
+        split = split.at[-1].set(high)  # verbatim: it is known to be unstable
         following = jnp.where(hit, split, samples[jnp.minimum(number + 1, len(samples) - 1)])
         at = jax.tree.map(lambda x: x[i], at)
         return number + 1, splits + hit, following, (low, high, hit & (high > SMALLEST)), at
@@ -84,15 +85,16 @@ def _critical(model, fam, path: Path, criterion: str, sign: Array, samples: Arra
 
     value, slope = jax.jvp(margin, (root,), (jnp.ones_like(root),))
     step = value / jax.lax.stop_gradient(slope)
-    near = jnp.abs(jax.lax.stop_gradient(step)) <= 100 * (high - low) + 1e-6 * high
+    blur = 4 * margin_tolerance(real) / jnp.abs(jax.lax.stop_gradient(slope))
+    near = jnp.abs(jax.lax.stop_gradient(step)) <= 100 * (high - low) + 1e-6 * high + blur
     edge = root - jnp.where(near, step, step - jax.lax.stop_gradient(step))
-    at_once = high <= SMALLEST
+    at_once = (high <= SMALLEST) | (jnp.abs(jax.lax.stop_gradient(edge)) <= jnp.minimum(blur, 1e-3))
     return jnp.where(splits > 0, jnp.where(at_once, jnp.zeros((), real), edge), sign * jnp.inf)
 
 
 @eqx.filter_jit
 def _critical_jit(model, fam, path, criterion: str, sign: Array, samples: Array, resolution: int | None):
-    zone = family_zone(fam, path_symmetry(path, fam), resolution)
+    zone = family_zone(fam, path_symmetry(path, fam, model.isotropic), resolution)
     return _critical(model, fam, path, criterion, sign, samples, zone)
 
 
@@ -109,9 +111,9 @@ def critical_load(
 
     Arguments: path (a, model, fam) → F; criterion one of `CRITERIA`; side of a; limit: how far |a| is followed
         [-] (default 0.9 negative, 1.0 positive); resolution as in `stability`.
-    Returns: a_cr [-], differentiable in model and fam. 0 where the side is unstable at |a| = 1e-6 already,
-        ±inf where it is not within the limit. Unstable windows narrower than limit/48, the sampling step, can be
-        missed.
+    Returns: a_cr [-], with exact first derivatives in model and fam. 0 where the side is unstable at |a| = 1e-6 already
+        (or nearer to 0 than its tolerance can tell), ±inf where it is not within the limit. Unstable windows
+        narrower than limit/48, the sampling step, can be missed.
     Raises: ValueError for an unknown criterion or side, a limit not in (1e-6, 1) on the negative side.
     """
     choice("criterion", criterion, list(CRITERIA))
@@ -121,7 +123,7 @@ def critical_load(
     limit = LIMITS[side] if limit is None else limit
     if not (2 * SMALLEST < limit < (1.0 if side == "negative" else np.inf)):
         raise ValueError(f"limit must lie between 2e-6 and 1 (negative side) or be finite (positive); got {limit}")
-    check_model(model, fam)
+    check_at_rest(model, fam)
     sign = jnp.asarray(-1.0 if side == "negative" else 1.0, fam.xi.dtype)
     samples = jnp.asarray(_samples(float(limit)), fam.xi.dtype)
     return _critical_jit(model, fam, path, criterion, sign, samples, resolution)
@@ -172,7 +174,8 @@ def stable_orders(
 
     At rest Z is linear in the load whatever m, and each bond's block is linear in m: `load_slope` is convex in m,
     so the orders where it is negative form one interval; ±inf where it has no end within ±bound, NaN if it is empty.
-    Under hydrostatic load the ends do not depend on the law. Raises: ValueError as `load_slope`.
+    Under hydrostatic load the ends do not depend on an isotropic law with μ > 0. (With μ = 0 every wave is free at
+    rest, and the half-reciprocal points do not tell.) Raises: ValueError as `load_slope`.
     """
     choice("side", side, SIDES)
     if not (np.isfinite(bound) and bound > 0):

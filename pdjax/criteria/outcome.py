@@ -53,10 +53,10 @@ class Stability(eqx.Module):
     resolution: int | None = eqx.field(static=True)
 
     @property
-    def verdict(self) -> str:
+    def verdict(self) -> str | np.ndarray:
         """ "stable", "marginal" or "unstable"; of a batch, the array of them. NaN margins are "undefined"."""
         words = verdicts(self.margin, self.tolerance)
-        return str(words) if words.ndim == 0 else words  # type: ignore[return-value]
+        return str(words) if words.ndim == 0 else words
 
     def __str__(self) -> str:
         lines = [f"{self.criterion}: {self.verdict}, margin {np.asarray(self.margin)}"]

@@ -13,7 +13,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..bloch import Phases, Tangent, homogeneous_tangent, long_wave_phases, p_wave_modulus, wave_phases
-from ..force import piola_stress
+from ..force import affine_stress
 from ..models.base import AbstractModel
 from ..neighbours import Family
 from ..zone import Zone, class_starts, directions, largest_eigenvalue, nudge, refine, top_pair
@@ -92,6 +92,7 @@ def symbol(
         growth = shape @ tangent(_frozen_angles(wave_phases(fam, y / fam.spacing))) @ shape
         eigenvalue, k = jnp.where(unstable, growth, eigenvalue), jnp.where(unstable, y, k)
         x, mode = jnp.where(unstable, y, x), jnp.where(unstable, shape, mode)
+    k = k - 2 * jnp.pi * jnp.round(k / (2 * jnp.pi))  # climbs may end in the next zone: the same wave
     return Outcome(margin, eigenvalue, mode, k / fam.spacing, x / jnp.linalg.norm(x), scale, at)
 
 
@@ -118,7 +119,7 @@ def _acoustic(fourth: Float[Array, "dim dim dim dim"], model, fam, at) -> Outcom
 
 def affine(model: AbstractModel, fam: Family, F: Float[Array, "dim dim"], at=None) -> Outcome:
     """Strong ellipticity of the energy of affine maps W(F); the eigenvalue is −(acoustic tensor) [pressure]."""
-    return _acoustic(jax.jacfwd(lambda G: piola_stress(model, fam, G))(F), model, fam, at)
+    return _acoustic(jax.jacfwd(lambda G: affine_stress(model, fam, G))(F), model, fam, at)
 
 
 def local(model: AbstractModel, fam: Family, F: Float[Array, "dim dim"], at=None) -> Outcome:

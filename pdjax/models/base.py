@@ -35,6 +35,11 @@ class AbstractModel(eqx.Module):
     rings: ClassVar[int] = 2
     needs_other_end: ClassVar[bool] = False
 
+    @property
+    def isotropic(self) -> bool:
+        """Promise: no direction of the material is preferred (the lattice's own apart). False unless known."""
+        return False
+
     def energy(self, bonds: Bonds) -> Float[Array, ""]:
         """W [energy/length^dim], the energy density of one family."""
         raise NotImplementedError

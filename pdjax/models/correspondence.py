@@ -34,6 +34,10 @@ class Correspondence(PointStateModel):
             return self.law.energy((H + H.T + H.T @ H) / 2)
         return self.law.energy(jnp.eye(H.shape[0], dtype=H.dtype) + H)
 
+    @property
+    def isotropic(self) -> bool:
+        return self.law.isotropic
+
     def energy(self, bonds: Bonds) -> Float[Array, ""]:
         return self._energy(displacement_gradient(bonds))
 

@@ -13,6 +13,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from .._checks import as_real
 from ..kinematics import (
     bond_average_strain,
     direction_mandel,
@@ -30,7 +31,7 @@ from .base import PointStateModel
 class SethHill(PointStateModel):
     """Generalised finite-deformation correspondence of order m [-] with a law in E."""
 
-    m: Float[Array, "..."] = eqx.field(converter=jnp.asarray)
+    m: Float[Array, "..."] = eqx.field(converter=as_real)
     law: Law
     affine_exact: ClassVar[bool] = False
 
@@ -40,6 +41,10 @@ class SethHill(PointStateModel):
                 "SethHill needs a law in a strain tensor (takes = 'E', e.g. LinearElastic): it has no deformation"
                 f" gradient to give; got {self.law!r}"
             )
+
+    @property
+    def isotropic(self) -> bool:
+        return self.law.isotropic
 
     def energy(self, bonds: Bonds) -> Float[Array, ""]:
         return self.law.energy(self.strain(bonds))
