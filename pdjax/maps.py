@@ -135,8 +135,7 @@ def stability_map(
 
     Arguments: m (orders,), a (loads,) [-]; N horizon(s) over spacing [-]; law in E; `lines`: further criteria to
         evaluate on the same grid, thinned to 64 along an axis; resolution as in `stability`; save: an .npz path,
-        checked before and kept up to
-        date during a long run (states not reached yet are NaN, "undefined").
+        checked before and kept up to date during a long run (states not reached yet are NaN, "undefined").
     Returns: `StabilityMap`: .margin and .eigenvalue (orders, loads), with a leading axis if N is a sequence.
     Raises: ValueError for NaN, empty m or a, det F ≤ 0, a singular family, a map too large for memory;
         OSError for a path that can't be written.
