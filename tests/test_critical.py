@@ -6,8 +6,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from scipy.optimize import brentq
-from test_bloch import Peer, seth_hill_state
 
 import pdjax as pd
 from pdjax import closed_forms
@@ -57,44 +55,6 @@ def test_a_nonzero_symbol_load_is_where_a_dense_scan_turns():
         assert load == pytest.approx(about, abs=1e-4)
         inside, outside = (brute_margin(model, fam, pd.uniaxial_strain(f * load, model, fam)) for f in (0.995, 1.005))
         assert inside < 0 < outside, (m, inside, outside)
-
-
-@pytest.mark.parametrize(("m", "side"), [(-2.0, "negative"), (0.4, "positive")])
-def test_a_symbol_load_is_the_first_root_of_the_numpy_margin(m, side):
-    """The reference's own margin: negative at every smaller load, zero there; the same at twice the resolution."""
-    fam, model = pd.lattice_family(2, 3), pd.SethHill(m, STIFF)
-    load = float(pd.critical_load(model, fam, pd.uniaxial_strain, "symbol", side))
-
-    def margin(a, intervals):
-        peer = Peer(2, 3, np.diag([1 + a, 1.0]), seth_hill_state(2, 3, m, 3.0, 1.0))
-        return peer.supremum(peer.quotient, intervals)[0]
-
-    assert max(margin(f * load, 16) for f in np.linspace(0.05, 0.999, 12)) < 0
-    root = brentq(lambda a: margin(a, 32), *sorted((0.99 * load, 1.01 * load)), xtol=1e-13)
-    assert abs(load - root) < 1e-9  #
-    finer = float(pd.critical_load(model, fam, pd.uniaxial_strain, "symbol", side, resolution=48))
-    assert abs(load - finer) < 1e-9  #
-
-
-def test_uniaxial_stress_has_its_own_critical_load(law):
-    """The block's, from a lateral stretch that frees P₂₂ and an edge of λ_max(D), both by brentq on the reference."""
-    m, N = 1.0, 2
-
-    def peer(a, b):
-        return Peer(2, N, np.diag([1 + a, b]), seth_hill_state(2, N, m, 1.0, 1.0))
-
-    def lateral_stress(b, a):
-        state = peer(a, b)
-        return float(np.sum(state.T[:, 1] * state.xi[:, 1]))
-
-    def worst(a):
-        state = peer(a, brentq(lateral_stress, 0.9, 1.1, args=(a,), xtol=1e-14))
-        D = -np.einsum("bicj->ij", state.C) - np.einsum("bibj->ij", state.C)
-        return np.linalg.eigvalsh(D)[-1]
-
-    root = brentq(worst, -0.2, -1e-3, xtol=1e-14)
-    found = pd.critical_load(pd.SethHill(m, law), pd.lattice_family(2, N), pd.uniaxial_stress, "block", "negative")
-    assert abs(float(found) - root) < 1e-12  #
 
 
 def test_a_users_path_is_a_path(law):

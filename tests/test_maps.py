@@ -75,22 +75,6 @@ def test_a_long_run_saves_as_it_goes(law, tmp_path, monkeypatch):
     assert (verdict[:4] != "undefined").all() and (verdict[4:] == "undefined").all()
 
 
-def test_an_early_stop_leaves_the_old_file_alone(grid, law, tmp_path, monkeypatch):
-    """Interrupted in its progress before anything is saved: what was there before is there still, and nothing else."""
-    target = grid.save(tmp_path / "map.npz")
-    before = target.read_bytes()
-
-    def interrupted(jobs, *_):
-        yield jobs[0]
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(maps, "progress", interrupted)
-    with pytest.raises(KeyboardInterrupt):
-        pd.stability_map(M[:2], A, law=law, lines=("diagonal",), save=target, show_progress=False)
-    assert target.read_bytes() == before
-    assert [p.name for p in tmp_path.iterdir()] == ["map.npz"]
-
-
 def test_states_that_do_not_exist_are_undefined(law):
     """A path without a state at some load gives NaN there, not a number made up."""
     found = pd.stability_map(
