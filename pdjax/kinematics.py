@@ -13,6 +13,8 @@ in m, to third derivatives and beyond, where a two-branch `where` on (s^{2m} −
 Sources: Silling et al. 2007 (K, F̄); Foster & Xu 2018 and Behzadinasab & Foster (L, Ē_m); Seth 1961, Hill 1968.
 """
 
+from typing import Any
+
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
@@ -90,11 +92,33 @@ def shape_tensor_L(bonds: Bonds) -> Float[Array, "p p"]:
     return jnp.einsum("b,bp,bq->pq", bonds.omega * bonds.volume, v, v)
 
 
+def solve_positive(A: Float[Array, "n n"], b: Array) -> Array:
+    """A⁻¹ b for a small symmetric positive A (n ≤ 6), b (n,) or (n, k): LDLᵀ written out.
+
+    Plain arithmetic fuses and batches; the LAPACK call behind `jnp.linalg.solve` is slower on 10⁴ small matrices and
+    was seen to hang on two cores at 5·10⁴ of them (jax 0.10: its threads wait for each other).
+    """
+    n = A.shape[0]
+    L: list[list[Any]] = [[0.0] * n for _ in range(n)]
+    D: list[Any] = []
+    for i in range(n):
+        for j in range(i):
+            L[i][j] = (A[i, j] - sum(L[i][k] * D[k] * L[j][k] for k in range(j))) / D[j]
+        D.append(A[i, i] - sum(L[i][k] ** 2 * D[k] for k in range(i)))
+    x: list[Any] = []
+    for i in range(n):
+        x.append(b[i] - sum(L[i][k] * x[k] for k in range(i)))
+    x = [value / pivot for value, pivot in zip(x, D, strict=True)]
+    for i in reversed(range(n)):
+        x[i] = x[i] - sum(L[k][i] * x[k] for k in range(i + 1, n))
+    return jnp.stack(x)
+
+
 def displacement_gradient(bonds: Bonds) -> Float[Array, "dim dim"]:
     """F̄ − I = (Σ w η⊗ξ) K⁻¹ [-]: exact for every affine map, whatever the family."""
     w = bonds.omega * bonds.volume
     moment = jnp.einsum("b,bi,bj->ij", w, bonds.xi, bonds.eta)
-    return jnp.linalg.solve(shape_tensor_K(bonds), moment).T
+    return solve_positive(shape_tensor_K(bonds), moment).T
 
 
 def bond_average_strain(bonds: Bonds, m) -> Float[Array, " p"]:
@@ -104,7 +128,7 @@ def bond_average_strain(bonds: Bonds, m) -> Float[Array, " p"]:
     """
     w = bonds.omega * bonds.volume
     moment = (w * seth_hill(log_stretch(bonds.xi, bonds.eta), m)) @ direction_mandel(bonds.xi)
-    return jnp.linalg.solve(shape_tensor_L(bonds), moment)
+    return solve_positive(shape_tensor_L(bonds), moment)
 
 
 def local_strain(F: Float[Array, "dim dim"], m) -> Float[Array, "dim dim"]:

@@ -155,16 +155,17 @@ def _sparse(model: AbstractModel, fams: Families, bonds: Bonds) -> sp.csr_array:
     if isinstance(model, PointStateModel):
         B, G, R, there = (np.asarray(x) for x in tangents)
         state = _block_csr(i, bond, R.transpose(0, 2, 1, 3)[i, slot], (points, count)) @ difference
-        dT = _block_csr(bond, bond, B[i, slot], (count, count)) @ difference
-        dT = dT + _block_csr(bond, i, G[i, slot], (count, points)) @ state
+        # (Div G) (R Δ), never Div (G R Δ): the product over bonds holds a family's square of entries
+        pull = divergence @ _block_csr(bond, i, G[i, slot], (count, points))
         if model.needs_other_end:
-            dT = dT + _block_csr(bond, j, there[i, slot], (count, points)) @ state
+            pull = pull + divergence @ _block_csr(bond, j, there[i, slot], (count, points))
+        J = divergence @ (_block_csr(bond, bond, B[i, slot], (count, count)) @ difference) + pull @ state
     else:
         number = np.full(true.shape, -1)
         number[i, slot] = bond
         p, b, c = np.nonzero(true[:, :, None] & true[:, None, :])
         blocks = np.asarray(tangents).transpose(0, 1, 3, 2, 4)[p, b, c]
-        dT = _block_csr(number[p, b], number[p, c], blocks, (count, count)) @ difference
-    J = (divergence @ dT).tocsr()
+        J = divergence @ (_block_csr(number[p, b], number[p, c], blocks, (count, count)) @ difference)
+    J = J.tocsr()
     J.sort_indices()
     return J

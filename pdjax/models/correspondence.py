@@ -13,7 +13,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..kinematics import displacement_gradient, shape_tensor_K
+from ..kinematics import displacement_gradient, shape_tensor_K, solve_positive
 from ..laws import Law, law_stress
 from ..neighbours import Bonds
 from .base import PointStateModel
@@ -43,7 +43,7 @@ class Correspondence(PointStateModel):
 
     def point_state(self, bonds: Bonds) -> Float[Array, "dim dim"]:
         P = jax.grad(self._energy)(displacement_gradient(bonds))
-        return jnp.linalg.solve(shape_tensor_K(bonds), P.T).T
+        return solve_positive(shape_tensor_K(bonds), P.T).T
 
     def bond_force(self, here: Float[Array, "dim dim"], there, bond: Bonds) -> Float[Array, " dim"]:
         return bond.omega * (here @ bond.xi)

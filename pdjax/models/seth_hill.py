@@ -21,6 +21,7 @@ from ..kinematics import (
     local_strain,
     log_stretch,
     shape_tensor_L,
+    solve_positive,
     to_mandel,
 )
 from ..laws import Law, law_stress
@@ -50,7 +51,7 @@ class SethHill(PointStateModel):
         return self.law.energy(self.strain(bonds))
 
     def point_state(self, bonds: Bonds) -> Float[Array, " p"]:
-        return jnp.linalg.solve(shape_tensor_L(bonds), to_mandel(self.stress(bonds)))
+        return solve_positive(shape_tensor_L(bonds), to_mandel(self.stress(bonds)))
 
     def bond_force(self, here: Float[Array, " p"], there, bond: Bonds) -> Float[Array, " dim"]:
         growth = jnp.exp(2 * (self.m - 1) * log_stretch(bond.xi, bond.eta))  # s^{2m} / s²
