@@ -1,16 +1,20 @@
 """pdjax: a stability laboratory and differentiable engine for peridynamics, in JAX.
 
 Write a material model once, for one family of bonds; get its forces, its exact Jacobian, its spectrum, its
-critical loads and their gradients. The library follows the dtype of its inputs and never touches `jax.config`:
+critical loads and their gradients; and the equilibria of whole bodies with their spectra.
+The library follows the dtype of its inputs and never touches `jax.config`:
 for signs of eigenvalues, enable float64 first, `jax.config.update("jax_enable_x64", True)`.
 `pdjax.figures` loads matplotlib when it is first used, not before.
 """
 
 import importlib as _importlib
 
-from . import closed_forms
+from . import closed_forms, scenes
 from .bloch import p_wave_modulus, symbol
+from .conditions import body_force, homogeneous_traction, prescribe, total_force
 from .criteria import CRITERIA, Stability, stability
+from .criteria.body import BodyStability, body_inertia, body_spectrum, body_stability
+from .criteria.body_critical import BodyCritical, body_critical_load
 from .criteria.critical import critical_load, load_slope, stable_orders
 from .force import force_density, force_state, piola_stress, strain, strain_energy, stress
 from .influence import (
@@ -23,10 +27,12 @@ from .influence import (
 from .kinematics import bond_average_strain, local_strain, log_stretch, shape_tensor_K, shape_tensor_L
 from .laws import EnergyLaw, Law, LinearElastic, NeoHookean
 from .maps import StabilityMap, stability_map
-from .models import AbstractModel, Correspondence, PointStateModel, SethHill
+from .models import AbstractModel, Correspondence, PointStateModel, SethHill, graded
 from .neighbours import Bonds, Families, Family, families, lattice_family
 from .paths import PATHS, hydrostatic, simple_shear, uniaxial_strain, uniaxial_stress
 from .points import Points, bar, cloud, cuboid, lattice, plate
+from .problem import Scene, scene
+from .statics import Equilibrium, EquilibriumPath, equilibrium_path, solve
 from .tangent import center_block, jacobian, jvp
 
 
@@ -40,9 +46,13 @@ __all__ = [
     "CRITERIA",
     "PATHS",
     "AbstractModel",
+    "BodyCritical",
+    "BodyStability",
     "Bonds",
     "Correspondence",
     "EnergyLaw",
+    "Equilibrium",
+    "EquilibriumPath",
     "Families",
     "Family",
     "Law",
@@ -50,10 +60,16 @@ __all__ = [
     "NeoHookean",
     "PointStateModel",
     "Points",
+    "Scene",
     "SethHill",
     "Stability",
     "StabilityMap",
     "bar",
+    "body_critical_load",
+    "body_force",
+    "body_inertia",
+    "body_spectrum",
+    "body_stability",
     "bond_average_strain",
     "center_block",
     "closed_forms",
@@ -62,11 +78,14 @@ __all__ = [
     "critical_load",
     "cubic_spline_influence",
     "cuboid",
+    "equilibrium_path",
     "families",
     "figures",
     "force_density",
     "force_state",
     "gaussian_influence",
+    "graded",
+    "homogeneous_traction",
     "hydrostatic",
     "inverse_distance_influence",
     "jacobian",
@@ -80,9 +99,13 @@ __all__ = [
     "p_wave_modulus",
     "piola_stress",
     "plate",
+    "prescribe",
+    "scene",
+    "scenes",
     "shape_tensor_K",
     "shape_tensor_L",
     "simple_shear",
+    "solve",
     "stability",
     "stability_map",
     "stable_orders",
@@ -90,6 +113,7 @@ __all__ = [
     "strain_energy",
     "stress",
     "symbol",
+    "total_force",
     "uniaxial_strain",
     "uniaxial_stress",
 ]

@@ -138,6 +138,12 @@ def _force_by_family(model: AbstractModel, fams: Families, bonds: Bonds) -> Floa
     return jnp.einsum("pb,pbi->pi", bonds.volume, T - T[fams.neighbours, fams.reverse])
 
 
+@eqx.filter_jit
+def _net_force(model: AbstractModel, fams: Families, bonds: Bonds) -> Float[Array, "points dim"]:
+    by_state = isinstance(model, PointStateModel)
+    return (_force_by_state if by_state else _force_by_family)(model, fams, bonds)  # type: ignore[arg-type]
+
+
 def force_density(model: AbstractModel, fams: Families, u, F=None) -> Float[Array, "points dim"]:
     """Net internal force density f of every point.
 
@@ -146,9 +152,7 @@ def force_density(model: AbstractModel, fams: Families, u, F=None) -> Float[Arra
     Returns: (points, dim) [force/length^dim].
     Raises: ValueError for wrong shapes, NaN, or a point whose family is too poor for the model (with its index).
     """
-    bonds = body_bonds(model, fams, u, F)
-    by_state = isinstance(model, PointStateModel)
-    return (_force_by_state if by_state else _force_by_family)(model, fams, bonds)  # type: ignore[arg-type]
+    return _net_force(model, fams, body_bonds(model, fams, u, F))
 
 
 def strain_energy(model: AbstractModel, fams: Families, u, F=None) -> Float[Array, ""]:

@@ -15,6 +15,7 @@ Sources: Silling et al. 2007 (K, F̄); Foster & Xu 2018 and Behzadinasab & Foste
 
 from typing import Any
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
@@ -139,6 +140,8 @@ def local_strain(F: Float[Array, "dim dim"], m) -> Float[Array, "dim dim"]:
     series (scaling and squaring). Rounding to 1e-13 for principal stretch ratios up to 5 (tests).
     """
     dim = F.shape[0]
+    if dim == 1:
+        return seth_hill(jnp.log(F), m)
     I = jnp.eye(dim, dtype=F.dtype)
     H = F - I
     C = I + H + H.T + H.T @ H
@@ -146,7 +149,7 @@ def local_strain(F: Float[Array, "dim dim"], m) -> Float[Array, "dim dim"]:
     D = (H + H.T + H.T @ H - (mu - 1) * I) / mu
     nodes, weights = np.polynomial.legendre.leggauss(48)
     t = jnp.asarray((nodes + 1) / 2, dtype=F.dtype)
-    inverse = jnp.linalg.inv(I + t[:, None, None] * D)
+    inverse = jax.vmap(lambda t: solve_positive(I + t * D, I))(t)
     log_X = jnp.einsum("q,qij->ij", jnp.asarray(weights / 2, dtype=F.dtype), D @ inverse)
     log_C = jnp.log(mu) * I + log_X
     # φ(A) by its Taylor series on A/2^s, doubled back: φ(2A) = φ(A)(e^A + I)/2 and e^A = I + A φ(A)

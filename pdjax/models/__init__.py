@@ -2,6 +2,7 @@
 
 from .base import AbstractModel, PointStateModel
 from .correspondence import Correspondence
+from .graded import graded
 from .seth_hill import SethHill
 
-__all__ = ["AbstractModel", "Correspondence", "PointStateModel", "SethHill"]
+__all__ = ["AbstractModel", "Correspondence", "PointStateModel", "SethHill", "graded"]

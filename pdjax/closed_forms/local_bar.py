@@ -1,0 +1,93 @@
+"""The bar of the classical (local) theory: uniform stress, whatever the law and its profile.
+
+    P(1 + e) = σ / c(x),   P = ∂ψ/∂F,   u(x) = ∫₀ˣ e dx,      c = E/E₀ the modulus' profile
+
+The branch is the one that leaves rest: it ends where P has an extremum (St. Venant–Kirchhoff in compression: e =
+1/√3 − 1, P = −0.192 E₀; Hencky in tension: 1 + e = e, P = E₀/e), and beyond it there is no solution: NaN.
+"""
+
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import optimistix as optx
+from jaxtyping import Array, Float
+
+from ..models.base import AbstractModel
+
+
+def uniaxial_piola(model: AbstractModel, e) -> Float[Array, ""]:
+    """P(1 + e) of a 1D model's classical law [pressure]."""
+    return jax.grad(lambda F: model.local_energy(F.reshape(1, 1)))(jnp.asarray(1.0 + e))
+
+
+def _branch_end(model: AbstractModel, side) -> Float[Array, ""]:
+    """The strain at which P first turns on one side of rest (or the end of the range searched, −0.99 or 100)."""
+    low, high = -np.geomspace(1e-4, 0.99, 600), np.geomspace(1e-4, 100.0, 600)
+    e = jnp.where(side < 0, low, high)
+    turned = jax.vmap(jax.grad(lambda x: uniaxial_piola(model, x)))(e) <= 0
+    return jnp.where(turned.any(), e[jnp.argmax(turned)], e[-1])
+
+
+@eqx.filter_jit
+def local_strain_of_stress(model: AbstractModel, stress) -> Float[Array, "..."]:
+    """e with P(1 + e) = stress, in 1D, on the branch from rest; NaN where there is none.
+
+    Arguments: model with a classical law, scalar constants; stress (...) [pressure].
+    Returns: (...) [-], with exact first derivatives in stress and model.
+    """
+    stress = jnp.asarray(stress, dtype=float)
+    quiet: Any = jax.lax.stop_gradient(model)
+    low, high = _branch_end(quiet, -1.0), _branch_end(quiet, 1.0)
+
+    def one(target):
+        still = jax.lax.stop_gradient(target)
+        end = jnp.where(still < 0, low, high)
+        most = uniaxial_piola(quiet, end)
+        reachable = jnp.abs(still) < jnp.abs(most)
+        aim = jnp.where(reachable, still, 0.5 * most)
+        found: optx.Solution = optx.root_find(
+            lambda t, _: uniaxial_piola(quiet, t * end) - aim,
+            optx.Bisection(rtol=1e-12, atol=1e-13),  # type: ignore[call-arg]
+            jnp.asarray(0.5, dtype=target.dtype),
+            options={"lower": 0.0, "upper": 1.0},
+            max_steps=80,
+            throw=False,
+        )
+        e = jnp.where(reachable, found.value * end, 0.0)
+        for _ in range(3):  # Newton from the root: polished to rounding, and the implicit function theorem
+            slope = jax.grad(lambda x: uniaxial_piola(quiet, x))(jax.lax.stop_gradient(e))
+            e = e - (uniaxial_piola(model, e) - target) / slope
+        return jnp.where(reachable, e, jnp.nan)
+
+    return jax.vmap(one)(stress.reshape(-1)).reshape(stress.shape)
+
+
+@eqx.filter_jit
+def singular_bar_local(model: AbstractModel, x, length, stress, alpha=10.0) -> tuple[Array, Array]:
+    """Nonlinear local solution of the singular bar: displacement [length] and strain [-] at x.
+
+    Arguments: model of modulus E₀ in 1D; x (points,) [length] from the fixed end, increasing; stress σ [pressure].
+    Returns: (points,) each. Strain is NaN where no local solution exists; the displacement then takes the strain at the
+        end of its branch there, over a region next to L/2 of width below (5σ/0.19E₀)² L.
+    Source: the profile of Breitenfeld et al. 2014 as in section 5.1; the nonlinear solution is ours.
+    """
+    x = jnp.asarray(x, dtype=float)
+    square = jnp.maximum(x / length - 0.5, 0.0)  # t²
+    beyond = square > 0
+    softness = 1 + alpha / (2 * jnp.sqrt(jnp.where(beyond, square, 1.0)))
+    e = local_strain_of_stress(model, jnp.concatenate([jnp.ones(1), jnp.where(beyond, softness, 1.0)]) * stress)
+    base, e = e[0], e[1:]
+    end = _branch_end(jax.lax.stop_gradient(model), stress)
+    lost = jnp.isnan(e)
+    start = jnp.where(lost, end, e)
+    # ∫ e dt² = e t² + ∫_e^end t² de, t² = (ασ/2 / (P(e) − σ))², over s = log e: smooth, 96 points reach rounding
+    nodes, weights = np.polynomial.legendre.leggauss(96)
+    span = jnp.log(end / start)[:, None] / 2
+    at = start[:, None] * jnp.exp(span * (nodes + 1))
+    pull = jax.vmap(jax.vmap(lambda a: uniaxial_piola(model, a)))(at) - stress
+    tail = (weights * span * at * (alpha * stress / 2 / jnp.where(pull == 0, jnp.inf, pull)) ** 2).sum(axis=1)
+    grown = jnp.where(beyond, jnp.where(alpha > 0, start * square + tail, base * square), 0.0) * length
+    return base * jnp.minimum(x, length / 2) + grown, e

@@ -1,0 +1,93 @@
+"""What is done to a body: prescribed displacements, body forces, tractions.
+
+Each is a plain record that `pdjax.scene` reads; values are those at load factor 1 and grow in proportion to it.
+
+A nonlocal body has no surface to pull on, so a traction is a body force over a boundary layer:
+
+    total     b_i = f / Σ_layer V          the force f [force] evenly over the layer
+    exact     b_i = −f_i(F)                the layer's own internal force under x = F X
+
+The second keeps the homogeneous state F an exact equilibrium where the layer is two horizons deep (two rings of
+neighbours feel a surface); its sum over the layer is P N A, the classical traction times the area of the face. The
+first has the same sum and disturbs the strain near it. Source of the idea of layers: Silling & Askari 2005.
+"""
+
+from typing import Any, NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+
+
+class Prescribed(NamedTuple):
+    """Displacements `u` [length] of `points`; `components` None means all of them."""
+
+    points: np.ndarray
+    u: Any
+    components: tuple[int, ...] | None
+
+
+class BodyForce(NamedTuple):
+    """Body force density `b` [force/length^dim] on `points`."""
+
+    points: np.ndarray
+    b: Any
+
+
+class TotalForce(NamedTuple):
+    """A force [force] spread evenly over the volume of `points`."""
+
+    points: np.ndarray
+    force: Any
+
+
+class HomogeneousTraction(NamedTuple):
+    """The body force on `points` that balances the homogeneous deformation F there, its origin at rest."""
+
+    points: np.ndarray
+    F: Any
+    model: Any
+
+
+Condition = Prescribed | BodyForce | TotalForce | HomogeneousTraction
+
+
+def _indices(points) -> np.ndarray:
+    """Point numbers from numbers or from a boolean mask."""
+    points = np.atleast_1d(np.asarray(points))
+    if points.dtype == bool:
+        points = np.flatnonzero(points)
+    if points.ndim != 1 or points.size == 0 or not np.issubdtype(points.dtype, np.integer):
+        raise ValueError(f"points must be a mask or a list of point numbers, not empty; got {points!r}")
+    if len(np.unique(points)) != len(points):
+        raise ValueError("points must not name a point twice")
+    return points
+
+
+def prescribe(points, u=0.0, components=None) -> Prescribed:
+    """Hold points at a displacement.
+
+    Arguments: points a boolean mask (points,) or point numbers; u [length] a number, one value for each component
+        held, or (points named, components held); components: which of them are held, e.g. 0 or (0, 2); all if None.
+    """
+    chosen = None if components is None else tuple(int(c) for c in np.atleast_1d(components))
+    if chosen is not None and (len(set(chosen)) != len(chosen) or not chosen):
+        raise ValueError(f"components must be different numbers such as (0, 1); got {components!r}")
+    return Prescribed(_indices(points), jnp.asarray(u, dtype=float), chosen)
+
+
+def body_force(points, b) -> BodyForce:
+    """A body force density b [force/length^dim]: a number in 1D, (dim,), or (points named, dim)."""
+    return BodyForce(_indices(points), jnp.asarray(b, dtype=float))
+
+
+def total_force(points, force) -> TotalForce:
+    """A force (dim,) [force] spread evenly over the points named: the crude traction of the module's head."""
+    return TotalForce(_indices(points), jnp.asarray(force, dtype=float))
+
+
+def homogeneous_traction(points, F, model=None) -> HomogeneousTraction:
+    """The exact traction of the module's head over the layer of points named, for the homogeneous deformation F.
+
+    `model`: whose internal force is meant, if not the body's own (a graded body's material at the surface).
+    """
+    return HomogeneousTraction(_indices(points), jnp.asarray(F, dtype=float), model)

@@ -1,0 +1,124 @@
+"""Critical load of a body: where the largest eigenvalue of its Jacobian crosses zero along a path of displacements.
+
+    A(λ) v = 0.     First the linearised problem at rest, −A(0) v = λ A'(0) v (Lanczos with one factor of A(0)); then
+    Newton on the eigenvalue that vanishes, λ ← λ − x / (vᵀ A'(λ) v), x v = A(λ) v by inverse iteration with one factor
+    each; at last two factors at λ (1 ∓ 1e-6), whose inertia proves the crossing.
+
+A'(λ) is never formed: its products are JVPs of JVPs. Six factors suffice where the path is a homogeneous deformation.
+"""
+
+from collections.abc import Callable
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import scipy.sparse as sp
+import scipy.sparse.linalg as sla
+
+from ..problem import Scene, still
+from ..reduced import Factor, Singular, as_operator, matrix, product_rate, unknown_volumes
+from .body import _full, _need_energy, _norm, _scaled, _tolerance
+
+PROOF = 1e-6  # relative distance of the two proving factors
+MOST = 8
+
+
+class BodyCritical(eqx.Module):
+    """The answer of `body_critical_load`.
+
+    factor: the load factor λ at the crossing (0: unstable at rest; inf: not up to the limit); mode (points, dim), unit;
+    positive: (factor, eigenvalues above zero) at every factorisation; proved: stable just below, unstable just above.
+    """
+
+    factor: float
+    mode: np.ndarray | None
+    positive: tuple[tuple[float, int], ...] = eqx.field(static=True)
+    proved: bool = eqx.field(static=True)
+
+    @property
+    def factorisations(self) -> int:
+        """How many sparse factors were made."""
+        return len(self.positive)
+
+    def __str__(self) -> str:
+        proof = "proved by inertia" if self.proved else "not proved"
+        return f"critical load factor {self.factor:.9g}, {proof}, {self.factorisations} factorisations"
+
+
+def _near_zero(A: Any, factor: Factor, start: np.ndarray | None) -> tuple[float, np.ndarray]:
+    """The eigenpair of A nearest zero, by Lanczos on its inverse."""
+    inverse = sla.LinearOperator(A.shape, matvec=factor.solve, dtype=float)
+    values, vectors = sla.eigsh(A, k=1, sigma=0.0, OPinv=inverse, v0=start)
+    return float(values[0]), vectors[:, 0]
+
+
+def body_critical_load(
+    scene: Scene,
+    path: Callable[[Any], Any] | None = None,
+    limit: float = 1.0,
+) -> BodyCritical:
+    """The first load factor in (0, limit] at which the body becomes unstable.
+
+    Arguments: path λ → u (points, dim) [length], a JAX function, starting at rest; by default λ times the scene's
+        closed form, which for homogeneous states is the equilibrium path; limit.
+    Returns: `BodyCritical`. Raises: ValueError without a path or closed form, or for a model without an energy.
+    """
+    _need_energy(scene)
+    if path is None:
+        if scene.closed_form is None:
+            raise ValueError("this scene has no closed form: pass a path, load factor -> u (points, dim)")
+        form = jax.lax.stop_gradient(scene.closed_form)
+        path = lambda factor: factor * form  # noqa: E731
+    if not limit > 0:
+        raise ValueError(f"limit must be > 0; got {limit}")
+    scene = still(scene)
+    root = np.sqrt(unknown_volumes(scene))
+    seen: list[tuple[float, int]] = []
+    shift = 0.0
+
+    def at(factor: float):
+        """(H, its factor, count, v ↦ H'v) at a load factor."""
+        nonlocal shift
+        u, du = jax.jvp(path, (jnp.asarray(factor, float),), (jnp.ones(()),))
+        H = _scaled(matrix(scene, u, factor), root)
+        if not seen:
+            shift = _tolerance(_norm(H), u.dtype)
+        try:
+            lu = Factor((H - shift * sp.eye_array(H.shape[0])).tocsc())
+        except Singular:  # it sits on an eigenvalue, or a pivot vanished: two roundings further it does not
+            lu = Factor((H - 3 * shift * sp.eye_array(H.shape[0])).tocsc())
+        seen.append((float(factor), lu.positive))
+        rate = as_operator(lambda v: product_rate(scene, u, du, factor, v / root) / root, H.shape[0])
+        return H, lu, seen[-1][1], rate
+
+    def answer(factor: float, w, proved: bool) -> BodyCritical:
+        return BodyCritical(float(factor), None if w is None else _full(scene, w, root), tuple(seen), proved)
+
+    H, lu, count, rate = at(0.0)
+    if count:
+        return answer(0.0, _near_zero(H, lu, None)[1], True)
+    inverse = sla.LinearOperator(H.shape, matvec=lambda v: -lu.solve(v), dtype=float)
+    strength, vector = sla.eigsh(rate, k=1, M=-H, Minv=inverse, which="LA", tol=1e-6)
+    w = vector[:, 0]
+    factor = min(1 / strength[0], limit) if strength[0] > 0 else limit
+    stable, unstable = 0.0, np.inf
+    while len(seen) < MOST - 2:
+        H, lu, count, rate = at(factor)
+        stable, unstable = (max(stable, factor), unstable) if count == 0 else (stable, min(unstable, factor))
+        value, w = _near_zero(H, lu, w)
+        slope = float(w @ (rate @ w)) / float(w @ w)
+        new = factor - value / slope if slope != 0 else limit
+        if count == 0 and (slope <= 0 or new > limit):
+            if factor >= limit:
+                return answer(np.inf, None, True)
+            new = limit
+        if not stable < new < unstable and np.isfinite(unstable):
+            new = 0.5 * (stable + unstable)
+        done = abs(new - factor) <= 0.1 * PROOF * abs(new)
+        factor = new
+        if done:
+            break
+    proved = at(factor * (1 - PROOF))[2] == 0 and at(factor * (1 + PROOF))[2] > 0
+    return answer(factor, w, proved)

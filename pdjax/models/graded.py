@@ -1,0 +1,79 @@
+"""A model whose energy is multiplied, point by point, by a factor: bars and plates of varying modulus.
+
+    W_i = c_i W,   T_i = c_i T        (the point's own factor: T_ij belongs to point i's energy)
+
+Any model can be graded; promises are those of the model inside.
+"""
+
+from operator import attrgetter
+from typing import Any
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from .._checks import as_real, is_concrete
+from ..neighbours import Bonds
+from .base import AbstractModel, PointStateModel
+
+PROMISES = ("hyperelastic", "objective", "affine_exact", "rings", "needs_other_end")
+
+
+class _Graded(AbstractModel):
+    """What both kinds share: everything that is linear in the energy is multiplied, the kinematics are not."""
+
+    base: AbstractModel
+    factor: Float[Array, "..."] = eqx.field(converter=as_real)
+
+    @property
+    def isotropic(self) -> bool:
+        return self.base.isotropic
+
+    def energy(self, bonds: Bonds) -> Float[Array, ""]:
+        return self.factor * self.base.energy(bonds)
+
+    def shape_tensor(self, bonds: Bonds) -> Float[Array, "n n"] | None:
+        return self.base.shape_tensor(bonds)
+
+    def local_energy(self, F: Float[Array, "dim dim"]) -> Float[Array, ""]:
+        return self.factor * self.base.local_energy(F)
+
+    def strain(self, bonds: Bonds) -> Float[Array, "dim dim"]:
+        return self.base.strain(bonds)
+
+    def stress(self, bonds: Bonds) -> Float[Array, "dim dim"]:
+        return self.factor * self.base.stress(bonds)
+
+
+class GradedEnergy(_Graded):
+    """A graded model given by its force state."""
+
+    def force_state(self, bonds: Bonds) -> Float[Array, "bonds dim"]:
+        return self.factor * self.base.force_state(bonds)
+
+
+class GradedState(_Graded, PointStateModel):
+    """A graded model given by point state and bond force. The factor travels with the state."""
+
+    def point_state(self, bonds: Bonds) -> Any:
+        return self.base.point_state(bonds)  # type: ignore[attr-defined]
+
+    def bond_force(self, here: Any, there: Any, bond: Bonds) -> Float[Array, " dim"]:
+        return self.factor * self.base.bond_force(here, there, bond)  # type: ignore[attr-defined]
+
+
+for _name in PROMISES:
+    for _kind in (GradedEnergy, GradedState):
+        setattr(_kind, _name, property(attrgetter(f"base.{_name}")))
+
+
+def graded(model: AbstractModel, factor) -> AbstractModel:
+    """`model` with its energy times `factor`: one number, or one for each point of the body (points,) [-], > 0.
+
+    Raises: ValueError for a factor that is not finite and positive.
+    """
+    factor = as_real(factor)
+    if is_concrete(factor) and not bool((jnp.isfinite(factor) & (factor > 0)).all()):
+        raise ValueError("factor of a graded model must be finite and > 0 everywhere")
+    kind = GradedState if isinstance(model, PointStateModel) else GradedEnergy
+    return kind(model, factor)

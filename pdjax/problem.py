@@ -1,0 +1,247 @@
+"""A scene: a body, its families and model, what holds it and what loads it; and the checks that it is a problem.
+
+Unknowns are the free components of u; the held ones are eliminated. With S the selection of the free components,
+
+    r(q) = S V (f(u) + λ b),   u = λ û + Sᵀ q,      A = ∂r/∂q = S V J Sᵀ
+
+λ is the load factor: prescribed displacements û, body forces b and the mean deformation of a periodic body grow
+with it. V J is the exact Hessian of −Π, so A is symmetric for a model with an energy; a minimum of the potential
+energy has A negative definite. Rigid motions that nothing holds make A singular: they are looked for in every
+connected piece of the body (pieces that no bond joins) and named.
+"""
+
+from collections.abc import Sequence
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import scipy.sparse as sp
+from jaxtyping import Array, Bool, Float, Int
+from scipy.sparse.csgraph import connected_components
+
+from ._checks import deformation_gradient, is_concrete
+from .conditions import BodyForce, Condition, HomogeneousTraction, Prescribed, TotalForce
+from .force import body_bonds, force_density
+from .models.base import AbstractModel
+from .neighbours import Families
+from .points import Points
+
+
+class Scene(eqx.Module):
+    """A boundary value problem of a body. Made by `scene` or by the functions of `pdjax.scenes`.
+
+    body, families, model; unknowns (unknowns,): where the free components stand in the flattened displacement
+    (points·dim,); prescribed (points, dim) [length], 0 where free; load (points, dim) [force/length^dim]; mean
+    (dim, dim) or None: mean deformation of a periodic body; closed_form (points, dim) [length] or None: the
+    displacement it is known to have at load factor 1.
+    """
+
+    body: Points
+    families: Families
+    model: AbstractModel
+    unknowns: Int[np.ndarray | Array, " unknowns"]
+    prescribed: Float[Array, "points dim"]
+    load: Float[Array, "points dim"]
+    mean: Float[Array, "dim dim"] | None
+    closed_form: Float[Array, "points dim"] | None
+    name: str = eqx.field(static=True, default="scene")
+
+    @property
+    def free(self) -> Bool[np.ndarray, "points dim"]:
+        """Which components are unknown."""
+        flags = np.zeros(self.prescribed.size, dtype=bool)
+        flags[np.asarray(self.unknowns)] = True
+        return flags.reshape(self.prescribed.shape)
+
+    def displacement(self, q: Float[Array, " unknowns"], factor=1.0) -> Float[Array, "points dim"]:
+        """u (points, dim) [length] from the free components q and the load factor."""
+        flat = (jnp.asarray(factor, self.prescribed.dtype) * self.prescribed).reshape(-1)
+        return flat.at[self.unknowns].set(q).reshape(self.prescribed.shape)
+
+    def mean_deformation(self, factor=1.0):
+        """I + λ (F − I), or None."""
+        if self.mean is None:
+            return None
+        eye = jnp.eye(self.mean.shape[0], dtype=self.mean.dtype)
+        return eye + factor * (self.mean - eye)
+
+    def unbalanced(self, u: Float[Array, "points dim"], factor=1.0) -> Float[Array, "points dim"]:
+        """V (f + λ b) [force] on every point; where held, minus the reaction."""
+        f = force_density(self.model, self.families, u, self.mean_deformation(factor))
+        return self.families.volumes[:, None] * (f + factor * self.load)
+
+
+def _spread(value: Array, shape: tuple[int, int], name: str) -> Array:
+    try:
+        return jnp.broadcast_to(value, shape)
+    except ValueError:
+        raise ValueError(f"{name} must broadcast to (points named, components) = {shape}; got {value.shape}") from None
+
+
+def _check_points(condition: Condition, points: int) -> np.ndarray:
+    p = condition.points
+    if p.min() < 0 or p.max() >= points:
+        bad = int(p[(p < 0) | (p >= points)][0])
+        raise ValueError(f"{type(condition).__name__} names point {bad}; the body has points 0 to {points - 1}")
+    return p
+
+
+def _prescribe(conditions: Sequence[Condition], shape: tuple[int, int]) -> tuple[np.ndarray, Array]:
+    """(held (points, dim), their values); refuses two different values for one component."""
+    held = np.zeros(shape, dtype=bool)
+    value = jnp.zeros(shape)
+    for condition in conditions:
+        if not isinstance(condition, Prescribed):
+            continue
+        p = _check_points(condition, shape[0])
+        c = np.arange(shape[1]) if condition.components is None else np.asarray(condition.components)
+        if c.min() < 0 or c.max() >= shape[1]:
+            raise ValueError(f"components must lie in 0 to {shape[1] - 1} for this body; got {condition.components}")
+        new = _spread(condition.u, (len(p), len(c)), "u of prescribe")
+        if is_concrete(new) and not np.isfinite(np.asarray(new)).all():
+            raise ValueError("u of prescribe must be finite; it holds NaN or infinity")
+        again = held[np.ix_(p, c)]
+        if again.any() and is_concrete(new, value):
+            old = np.asarray(value)[np.ix_(p, c)]
+            scale = max(float(np.abs(old).max()), float(jnp.abs(new).max()))
+            clash = again & (np.abs(old - np.asarray(new)) > 1e-12 * scale)
+            if clash.any():
+                i, k = np.argwhere(clash)[0]
+                raise ValueError(
+                    f"contradictory prescriptions: component {c[k]} of point {p[i]} is held at {old[i, k]:g} and at"
+                    f" {float(new[i, k]):g} ({int(clash.sum())} such components)"
+                )
+        held[np.ix_(p, c)] = True
+        value = value.at[p[:, None], c[None, :]].set(new)
+    return held, value
+
+
+def _load(conditions: Sequence[Condition], body: Points, fams: Families, model, held: np.ndarray) -> Array:
+    load = jnp.zeros(held.shape)
+    for condition in conditions:
+        if isinstance(condition, Prescribed):
+            continue
+        p = _check_points(condition, len(body))
+        shape = (len(p), body.dim)
+        if isinstance(condition, HomogeneousTraction):
+            F = deformation_gradient(condition.F, body.dim)
+            u = jnp.asarray(body.positions) @ (F - jnp.eye(body.dim)).T
+            b = -force_density(condition.model if condition.model is not None else model, fams, u)[p]
+            b = jnp.where(held[p], 0.0, b)
+        elif isinstance(condition, TotalForce):
+            b = _spread(condition.force / float(body.volumes[p].sum()), shape, "force of total_force")
+        elif isinstance(condition, BodyForce):
+            b = _spread(condition.b, shape, "b of body_force")
+        else:
+            raise ValueError(f"conditions must come from prescribe, body_force, total_force …; got {condition!r}")
+        clash = held[p] & ((np.asarray(b) != 0) if is_concrete(b) else True)
+        if clash.any():
+            i, k = np.argwhere(clash)[0]
+            raise ValueError(
+                f"a load on a held component does nothing: component {k} of point {p[i]} is prescribed and loaded"
+                f" ({int(clash.sum())} such components); leave one of the two away"
+            )
+        if is_concrete(b) and not np.isfinite(np.asarray(b)).all():
+            raise ValueError("a load must be finite; it holds NaN or infinity")
+        load = load.at[p].add(b)
+    return load
+
+
+def _rigid_motions(positions: np.ndarray, periodic: bool) -> tuple[np.ndarray, list[str]]:
+    """Infinitesimal rigid motions (motions, points, dim) of unit size and their names."""
+    points, dim = positions.shape
+    axes = "xyz"[:dim]
+    motions, names = [], []
+    for k in range(dim):
+        motions.append(np.broadcast_to(np.eye(dim)[k], (points, dim)))
+        names.append(f"translation along {axes[k]}")
+    centred = positions - positions.mean(axis=0)
+    size = max(float(np.abs(centred).max()), np.finfo(float).tiny)
+    for i in range(0 if periodic else dim):
+        for k in range(i + 1, dim):
+            turn = np.zeros((points, dim))
+            turn[:, i], turn[:, k] = -centred[:, k] / size, centred[:, i] / size
+            if np.abs(turn).max() > 0:
+                motions.append(turn)
+                names.append(f"rotation in the plane {axes[i]}{axes[k]}")
+    return np.array(motions), names
+
+
+def _check_held(body: Points, fams: Families, held: np.ndarray) -> None:
+    """Refuse rigid motions that nothing holds, by name, piece by piece; under a transformation it can't look."""
+    if not is_concrete(fams):
+        return
+    true = np.asarray(fams.weight) * np.asarray(fams.influence) > 0
+    i, slot = np.nonzero(true)
+    graph = sp.coo_array((np.ones(len(i)), (i, np.asarray(fams.neighbours)[i, slot])), shape=(len(body),) * 2)
+    pieces, label = connected_components(graph, directed=False)
+    for piece in range(pieces):
+        inside = np.flatnonzero(label == piece)
+        motions, names = _rigid_motions(body.positions[inside], body.period is not None)
+        at_held = motions[:, held[inside]]  # (motions, held components)
+        _, size, directions = np.linalg.svd(at_held.T, full_matrices=True)
+        size = np.concatenate([size, np.zeros(len(names) - len(size))])
+        loose = directions[size <= 1e-9 * np.sqrt(max(1, at_held.shape[1]))]
+        if len(loose):
+            names = [names[k] for k in sorted({int(np.argmax(np.abs(row))) for row in loose})]
+            where = "the body" if pieces == 1 else f"piece {piece + 1} of {pieces} (the one of point {inside[0]})"
+            raise ValueError(
+                f"{where} is under-constrained: nothing holds its {', '.join(names)}"
+                f" ({len(loose)} rigid motions free); prescribe displacements that stop them"
+            )
+
+
+def scene(
+    body: Points,
+    fams: Families,
+    model: AbstractModel,
+    *conditions: Condition,
+    mean=None,
+    closed_form=None,
+    name: str = "scene",
+) -> Scene:
+    """A boundary value problem: a body, a model and its conditions.
+
+    Arguments: body, fams = families(body, …), model; conditions from `prescribe`, `body_force`, `total_force`,
+        `homogeneous_traction`; mean (dim, dim) mean deformation of a periodic body at load factor 1; closed_form
+        (points, dim) [length], a displacement known to solve it or to be compared with it.
+    Raises: ValueError for families of another body, contradictory prescriptions, a load on a held component,
+        nothing left free, or a rigid motion of a piece that nothing holds (named).
+    """
+    if len(fams) != len(body) or fams.dim != body.dim:
+        raise ValueError(f"fams must be families of this body of {len(body)} points; got those of {len(fams)} points")
+    if mean is not None and body.period is None:
+        raise ValueError("mean deformation is for periodic bodies; prescribe displacements of this one instead")
+    shape = (len(body), body.dim)
+    body_bonds(model, fams, jnp.zeros(shape))  # refuses families the model can't use
+    held, value = _prescribe(conditions, shape)
+    if held.all():
+        raise ValueError("the body is over-constrained: every displacement is prescribed and nothing is left to solve")
+    _check_held(body, fams, held)
+    load = _load(conditions, body, fams, model, held)
+    real = fams.xi.dtype
+    if closed_form is not None:
+        closed_form = jnp.asarray(closed_form, dtype=real)
+        if closed_form.shape != shape:
+            raise ValueError(f"closed_form must have shape (points, dim) = {shape}; got {closed_form.shape}")
+    if mean is not None:
+        mean = deformation_gradient(mean, body.dim).astype(real)
+    return Scene(
+        body,
+        fams,
+        model,
+        np.flatnonzero(~held.reshape(-1)).astype(np.int32),
+        value.astype(real),
+        load.astype(real),
+        mean,
+        closed_form,
+        name,
+    )
+
+
+def still(scene: Scene) -> Any:
+    """The scene with no derivative flowing through it; ValueError where its values can't be looked at."""
+    frozen = jax.lax.stop_gradient(eqx.filter(scene, eqx.is_array))
+    return eqx.combine(frozen, eqx.filter(scene, eqx.is_array, inverse=True))

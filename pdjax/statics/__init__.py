@@ -1,0 +1,7 @@
+"""Statics: equilibrium of a scene by several methods, equilibrium paths, and derivatives of what was found."""
+
+from .arc_length import EquilibriumPath, equilibrium_path
+from .result import Equilibrium
+from .solve import SOLVERS, solve
+
+__all__ = ["SOLVERS", "Equilibrium", "EquilibriumPath", "equilibrium_path", "solve"]

@@ -1,0 +1,150 @@
+"""`solve`: one door to the static methods, with load stepping, derivatives and the nature of what was found.
+
+Load stepping raises the load factor from 0 to 1. A step that fails is taken back and halved, one that was easy makes
+the next one longer, and a step below the smallest stops with the last equilibrium reached. Before each step the
+tangent predictor moves the whole body, A δq = −(r + ∂r/∂λ δλ): without it a prescribed displacement tears the boundary
+layer from a body that has not moved yet.
+"""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from .._checks import choice, is_concrete
+from ..criteria.body import body_stability
+from ..problem import Scene, still
+from ..reduced import Singular, load_rate, residual_and_scale, residual_of
+from .implicit import attach, is_differentiated
+from .newton import direct, krylov, newton
+from .relaxation import CHUNK, relaxation
+from .result import CONVERGED, NOT_FINITE, SINGULAR, STEP_TOO_SMALL, Equilibrium, turned_bonds
+from .trust_region import trust_region
+
+SOLVERS = ("newton", "newton_krylov", "trust_region", "relaxation")
+ITERATIONS = {"newton": 50, "newton_krylov": 50, "trust_region": 200, "relaxation": 200_000}
+EASY = 6  # iterations up to which the next load step may grow
+
+
+def _attempt(scene: Scene, method: str, q: Array, factor: float, tolerance: float, most: int):
+    if method == "trust_region":
+        q, code, history = trust_region(scene, q, factor, tolerance, most)
+        values = np.asarray(history)
+        return q, int(code), list(values[np.isfinite(values)])
+    if method == "relaxation":
+        return relaxation(scene, q, factor, tolerance, most)
+    return newton(scene, q, factor, tolerance, most, krylov if method == "newton_krylov" else direct)
+
+
+def _predict(scene: Scene, method: str, q: Array, factor: float, step: float) -> Array:
+    """One linear step of the whole body with the load; q itself where A can't be inverted."""
+    linear = krylov if method == "newton_krylov" else direct
+    try:
+        r, _ = residual_and_scale(scene, q, factor)
+        b = np.asarray(r + step * load_rate(scene, q, factor))
+        return q - jnp.asarray(linear(scene, q, factor)(b)) if np.any(b) else q
+    except Singular:
+        return q
+
+
+def _check(scene, method, tolerance, step, smallest_step, predictor) -> None:
+    if not isinstance(scene, Scene):
+        raise ValueError(f"scene must be a Scene (pdjax.scene or pdjax.scenes); got {type(scene).__name__}")
+    choice("method", method, SOLVERS)
+    choice("predictor", predictor, ("tangent", "none"))
+    if not 0 < tolerance < 1:
+        raise ValueError(f"tolerance must lie between 0 and 1; got {tolerance}")
+    if not (0 < smallest_step <= step <= 1):
+        raise ValueError(f"need 0 < smallest_step <= step <= 1; got step {step}, smallest_step {smallest_step}")
+
+
+def solve(
+    scene: Scene,
+    method: str = "newton",
+    *,
+    start=None,
+    step: float = 1.0,
+    smallest_step: float = 1e-3,
+    predictor: str = "none",
+    tolerance: float = 1e-10,
+    max_iterations: int | None = None,
+    stability: bool = True,
+    throw: bool = False,
+) -> Equilibrium:
+    """Equilibrium of a scene at its full load.
+
+    Arguments: method "newton" (exact sparse Jacobian, line search), "newton_krylov" (matrix-free), "trust_region"
+        (optimistix dogleg, dense, runs under jit and vmap), "relaxation" (adaptive dynamic relaxation); start
+        (points, dim) [length], zero by default; step: first load step [-], 1 for all at once; smallest_step: where
+        halving ends; predictor "none" (the free points wait, as in the paper's experiment) or "tangent"; tolerance of
+        the relative residual; max_iterations a load step; stability: look at the spectrum at the end; throw: raise
+        where it does not converge.
+    Returns: `Equilibrium`. Its u has exact first derivatives, forward and reverse, in all that the scene was made of.
+    Raises: ValueError for bad arguments; RuntimeError with the reason if `throw` and not converged.
+    """
+    _check(scene, method, tolerance, step, smallest_step, predictor)
+    most = ITERATIONS[method] if max_iterations is None else max_iterations
+    if start is None:
+        q = jnp.zeros(scene.unknowns.shape[0], scene.prescribed.dtype)
+    else:
+        q = jnp.asarray(start, scene.prescribed.dtype).reshape(-1)[scene.unknowns]
+    quiet = still(scene)
+    if not is_concrete(quiet, q):
+        if method != "trust_region":
+            raise ValueError(f"method {method!r} runs on the host; under jit or vmap use method='trust_region'")
+        return _traced(scene, quiet, q, tolerance, most)
+    factor, history, iterations, code, failed = 0.0, [], 0, CONVERGED, None
+    while factor < 1.0:
+        size = min(step, 1.0 - factor)
+        target = 1.0 if size == 1.0 - factor else factor + size
+        trial = _predict(quiet, method, q, factor, size) if predictor == "tangent" else q
+        new, code, residuals = _attempt(quiet, method, trial, target, tolerance, most)
+        history += residuals
+        iterations += (len(residuals) - 1) * (CHUNK if method == "relaxation" else 1)
+        if code == CONVERGED:
+            q, factor = new, target
+            if len(residuals) - 1 <= EASY:
+                step = min(2 * step, 1.0)
+            continue
+        if size / 2 < smallest_step:
+            failed = f"from load factor {factor:.6g} to {target:.6g}"
+            if factor == 0.0 and size == 1.0:
+                q = new  # one step, not cut: what it reached is what is asked about
+            elif code not in (SINGULAR, NOT_FINITE):
+                code = STEP_TOO_SMALL
+            break
+        step = size / 2
+    if factor == 0.0 and failed is not None and smallest_step > 0.5:
+        factor = 1.0  # the state belongs to the full load, though it is no equilibrium
+    u = scene.displacement(q, factor)
+    if code == CONVERGED and is_differentiated(scene):
+        u = scene.displacement(attach(scene, q, factor), factor)
+    at = quiet.displacement(q, factor)
+    look = stability and scene.model.hyperelastic and bool(jnp.isfinite(at).all())
+    result = Equilibrium(
+        u,
+        jnp.asarray(factor, q.dtype),
+        np.asarray(history),
+        iterations,
+        code,
+        int(turned_bonds(quiet.families, at)),
+        body_stability(quiet, at, factor) if look else None,
+        failed,
+        method,
+    )
+    if throw and not result.converged:
+        raise RuntimeError(f"no equilibrium of the {scene.name}: {result}")
+    return result
+
+
+def _traced(scene: Scene, quiet: Scene, q: Array, tolerance, most: int) -> Equilibrium:
+    """One step at full load, wholly in JAX; its derivative is a dense implicit solve."""
+    q, code, history = trust_region(quiet, q, 1.0, tolerance, most)
+    q = jax.lax.stop_gradient(q)
+    A = jax.jacfwd(lambda p: residual_of(quiet, p, 1.0))(q)
+    r = residual_of(scene, q, 1.0)
+    q = q - jnp.linalg.solve(A, r - jax.lax.stop_gradient(r))
+    u = scene.displacement(q, 1.0)
+    used = jnp.sum(jnp.isfinite(history)) - 1
+    turned = turned_bonds(quiet.families, u)
+    return Equilibrium(u, jnp.ones((), q.dtype), history, used, code, turned, None, None, "trust_region")
