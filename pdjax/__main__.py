@@ -1,4 +1,4 @@
-"""The command line: `pdjax map`, `pdjax critical`, `pdjax symbol` (the same as `python -m pdjax`).
+"""The command line: `pdjax map`, `critical`, `symbol`, `run SCENE` (the same as `python -m pdjax`).
 
 Thin: it reads arguments, asks the package, prints and draws. Numbers are float64, for their signs are the product.
 """
@@ -12,12 +12,16 @@ import time
 
 import numpy as np
 
+from ._run import add_run, run
+
 _EPILOG = """examples
   pdjax map                                     the default map: 2D, N = 3, orders m in [-2, 2], |a| up to 30 %
   pdjax map --dim 3 --path uniaxial-stress      another dimension and load path
   pdjax map --m=-1:2:61 --a=-0.1:0.1:81         finer near the origin (lo:hi:count; write = before a minus sign)
   pdjax critical --m 0 1 2                      critical loads of three orders, every criterion, both sides
   pdjax symbol --m 0 --a=-0.02                  one state: its verdict, the wave that decides, its spectrum
+  pdjax run singular-bar                        the paper's singular bar, tension and compression, both models
+  pdjax run step-bar --strain=-0.001            the paper's step-size bar at one strain
 """
 
 
@@ -61,7 +65,7 @@ def _parser() -> argparse.ArgumentParser:
     common.add_argument("--resolution", type=int, help="grid intervals over half the Brillouin zone (default 8 N)")
     common.add_argument("--json", action="store_true", help="print one JSON object instead of text")
 
-    jobs = parser.add_subparsers(dest="job", required=True, metavar="job")
+    jobs: Any = parser.add_subparsers(dest="job", required=True, metavar="job")
     job = jobs.add_parser(
         "map",
         parents=[common],
@@ -95,6 +99,8 @@ def _parser() -> argparse.ArgumentParser:
     job.add_argument("--m", type=float, default=1.0, help="order of the Seth–Hill strain (default 1)")
     job.add_argument("--a", type=float, default=-0.01, help="load (default -0.01)")
     job.add_argument("--out", help="also draw the spectrum along the edges of the Brillouin zone to this PNG")
+
+    add_run(jobs, formatter)
     return parser
 
 
@@ -266,7 +272,7 @@ def main(argv: list[str] | None = None) -> int:
     import jax
 
     jax.config.update("jax_enable_x64", True)
-    job = {"map": _map, "critical": _critical, "symbol": _symbol}[arguments.job]
+    job = {"map": _map, "critical": _critical, "symbol": _symbol, "run": run}[arguments.job]
     try:
         out = job(arguments)
     except (ValueError, OSError) as error:

@@ -6,9 +6,10 @@ guarded by `equinox.error_if`, so that a bad number never travels on silently.
 
 import os
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import equinox as eqx
 import jax
@@ -84,3 +85,16 @@ def writable(path: str | os.PathLike) -> Path:
     except OSError as error:
         raise PermissionError(f"cannot write to {path}: {error.strerror or error}") from error
     return path
+
+
+@contextmanager
+def written_whole(path: str | os.PathLike) -> Iterator[BinaryIO]:
+    """A stream that becomes the file `path` when all of it is written, and nothing if something fails on the way."""
+    path = writable(path)
+    part = path.with_name(path.name + ".part")
+    try:
+        with open(part, "wb") as stream:
+            yield stream
+        os.replace(part, path)
+    finally:
+        part.unlink(missing_ok=True)

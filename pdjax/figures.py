@@ -3,6 +3,9 @@
 The same colour means the same criterion everywhere (Okabe & Ito's colour-blind-safe set).
 """
 
+from collections.abc import Sequence
+from typing import NamedTuple
+
 import matplotlib.patches
 import numpy as np
 from matplotlib.axes import Axes
@@ -142,6 +145,54 @@ def stability_map(grid: StabilityMap, horizon: int = 0) -> Figure:
     handles = patches + list(drawn.values())
     figure.legend(handles=handles, loc="outside lower center", ncols=4, fontsize=9, frameon=False)
     figure.suptitle(f"Stability of an infinite lattice, {settings['dim']}D, N = {N:g}, {settings['law']}", fontsize=11)
+    return figure
+
+
+class BarCase(NamedTuple):
+    """One column of `bars`: a bar's displacement u (points,) at x (points,), known solutions by name, units of both.
+
+    u is shown over `unit` [length], strains over `strain_unit` [-].
+    """
+
+    title: str
+    x: np.ndarray
+    u: np.ndarray
+    known: dict[str, np.ndarray]
+    unit: float
+    strain_unit: float
+
+
+def bars(cases: Sequence[BarCase], title: str, names: tuple[str, str]) -> Figure:
+    """Displacement (above) and strain between neighbouring points (below) of 1D bars, one column a case.
+
+    Arguments: names of the two vertical axes, with their units. A difference of neighbours shows what an average
+    over the family hides: alternating points.
+    """
+    columns = len(cases)
+    figure = Figure(figsize=(4.2 * columns + 0.6, 6.0), layout="constrained")
+    axes = figure.subplots(2, columns, sharex="col", squeeze=False)
+    for column, case in enumerate(cases):
+        h = np.diff(case.x)
+        middle = case.x[:-1] + h / 2
+        upper, lower = axes[:, column]
+        upper.plot(case.x, case.u / case.unit, color=COLOURS["diagonal"], linewidth=1.2, label="pdjax")
+        strains = [np.diff(case.u) / h / case.strain_unit]
+        lower.plot(middle, strains[0], color=COLOURS["diagonal"], linewidth=1.0)
+        for (name, values), style in zip(case.known.items(), ("--", ":"), strict=False):
+            upper.plot(case.x, values / case.unit, color="#000000", linestyle=style, linewidth=1.2, label=name)
+            strains.append(np.diff(values) / h / case.strain_unit)
+            lower.plot(middle, strains[-1], color="#000000", linestyle=style, linewidth=1.0)
+        low, high = min(map(np.min, strains)), max(map(np.max, strains))
+        if high - low < 0.2:  # rounding is not to be looked at
+            lower.set_ylim(low - 0.1, high + 0.1)
+        upper.set_title(case.title, fontsize=9)
+        lower.set_xlabel("position x / L  [–]")
+        if column == 0:
+            upper.set_ylabel(names[0])
+            lower.set_ylabel(names[1])
+    handles, words = axes[0, 0].get_legend_handles_labels()
+    figure.legend(handles, words, loc="outside lower center", ncols=4, fontsize=9, frameon=False)
+    figure.suptitle(title, fontsize=11)
     return figure
 
 

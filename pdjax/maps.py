@@ -17,7 +17,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from ._checks import choice, finite, writable
+from ._checks import choice, finite, writable, written_whole
 from ._progress import progress
 from .criteria import CRITERIA, check_at_rest, evaluate, family_zone, margin_tolerance, verdicts
 from .influence import constant_influence
@@ -59,21 +59,15 @@ class StabilityMap:
 
     def save(self, path: str | os.PathLike) -> FilePath:
         """Write everything to an .npz, all of it or nothing; returns the path."""
-        path = writable(path)
         arrays = {f"line_{name}": values for name, values in self.lines.items()}
-        part = path.with_name(path.name + ".part")
-        try:
-            with open(part, "wb") as stream:
-                np.savez_compressed(
-                    stream,
-                    **{name: getattr(self, name) for name in _ARRAYS},
-                    settings=json.dumps(self.settings),
-                    **arrays,  # type: ignore[arg-type]
-                )
-            os.replace(part, path)
-        finally:
-            part.unlink(missing_ok=True)
-        return path
+        with written_whole(path) as stream:
+            np.savez_compressed(
+                stream,
+                **{name: getattr(self, name) for name in _ARRAYS},
+                settings=json.dumps(self.settings),
+                **arrays,  # type: ignore[arg-type]
+            )
+        return FilePath(path)
 
     @classmethod
     def load(cls, path: str | os.PathLike) -> "StabilityMap":

@@ -3,7 +3,8 @@
 A function with a keyword `form` knows both; what differs between them is listed in `SLIPS`. The rooms:
 
     continuum        Γ(m), m_cr, the diagonal of the Jacobian and dT·dY as h → 0 at fixed horizon
-    one_dimension    the discrete 1D diagonal, criterion and critical load; the plane wave; the singular bar
+    one_dimension    the discrete 1D diagonal, criterion and critical load; the plane wave; the singular and clamped bar
+    local_bar        ours: the nonlinear local solution of a bar under uniform stress, for any law
     two_dimensions   the discrete 2D chain: lattice sums, diagonal, criteria, critical loads, slip by slip
     homogeneous      the Jacobian entry, force state and strain of any homogeneous deformation, exactly
     silling          the Jacobian entry of the original correspondence model
@@ -33,8 +34,10 @@ from .lattice import (
     lattice_diagonal,
     odd_bond_sums,
 )
+from .local_bar import local_strain_of_stress, singular_bar_local
 from .one_dimension import (
     bracket_1d,
+    clamped_bar_critical_strain,
     critical_load_1d,
     diagonal_1d,
     dispersion_1d,
@@ -65,6 +68,7 @@ __all__ = [
     "bracket_1d",
     "bracket_2d",
     "chain_2d",
+    "clamped_bar_critical_strain",
     "continuum_diagonal",
     "critical_load_1d",
     "critical_load_2d",
@@ -88,6 +92,7 @@ __all__ = [
     "lattice_diagonal",
     "lattice_sums_2d",
     "local_strain",
+    "local_strain_of_stress",
     "m_cr",
     "material_test",
     "nonlocal_strain",
@@ -97,6 +102,7 @@ __all__ = [
     "silling_diagonal_3d",
     "silling_entry",
     "singular_bar_displacement",
+    "singular_bar_local",
     "singular_bar_strain",
     "static_integrand",
     "strain_defect",

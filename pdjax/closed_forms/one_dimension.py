@@ -105,6 +105,26 @@ def dispersion_limit_1d(k, N, modulus=1.0, density=1.0, spacing=1.0):
     return modulus / (density * N**2 * spacing**2) * jnp.sum(jnp.sin(k * p * spacing) / p, axis=-1) ** 2
 
 
+def clamped_bar_critical_strain(free, N):
+    """Leading order, for many free points, of the compression at which a clamped bar of order m = 1 becomes unstable.
+
+    Near the zone's edge, k = π/h − q/h, the undeformed chain has λ = −κ/(N²h²) s(q)², s = −Σ (−1)^p sin(qp)/p, and a
+    strain a adds −(4aκ/(Nh²)) Σ_{p odd} 1/p². The smallest q² that clamps allow is (π/n)² where s ≈ q (odd N); where
+    s ≈ N(N+1) q³/12 (even N) the edge mode obeys a clamped sixth-order equation, q⁶ = (2π/n)⁶. So
+
+        a_cr = −C (π/n)² (odd N),   −C (N(N+1)/12)² (2π/n)⁶ (even N),      1/C = 4 N Σ_{p odd ≤ N} 1/p²
+
+    Arguments: free points n (...) between the clamps; N whole number. Returns: (...) [-]. Raises: ValueError for N.
+    The relative error is of the order N/n. Source: ours; the symbol of eqn:dispersion4's limit with its stress term.
+    """
+    N = check_ratio(N, whole=True)
+    p = np.arange(1, N + 1)
+    softening = 4 * N * np.sum(1.0 / p[p % 2 == 1] ** 2)
+    n = jnp.asarray(free, dtype=float)
+    stiffness = (np.pi / n) ** 2 if N % 2 else (N * (N + 1) / 12) ** 2 * (2 * np.pi / n) ** 6
+    return -stiffness / softening
+
+
 def singular_bar_displacement(x, length, stress_ratio, alpha=10.0):
     """Local small-strain solution: u = (σ/E₀) L [x/L + α √(x/L − ½)], the root only beyond x = L/2.
 

@@ -1,0 +1,119 @@
+"""`pdjax run singular-bar` and `pdjax run step-bar`: the scenes of finite bodies on the command line."""
+
+import argparse
+from typing import Any
+
+import numpy as np
+
+
+def add_run(jobs, formatter) -> None:
+    """Add the job `run` to the parser's jobs."""
+    parser = jobs.add_parser(
+        "run",
+        formatter_class=formatter,
+        help="a scene of a finite body: singular-bar or step-bar",
+        description="Solve a scene, look at the spectrum of what was found, draw it. Writes OUT.png and OUT.npz.",
+    )
+    scenes = parser.add_subparsers(dest="scene", required=True, metavar="scene")
+    bar = argparse.ArgumentParser(add_help=False)
+    bar.add_argument("--N", type=float, default=3.0, help="horizon over spacing (default 3)")
+    bar.add_argument("--m", type=float, default=1.0, help="order of the Seth–Hill strain (default 1)")
+    bar.add_argument("--method", default="newton", help="newton, newton_krylov, trust_region, relaxation")
+    bar.add_argument("--json", action="store_true", help="print one JSON object instead of text")
+    job = scenes.add_parser("singular-bar", parents=[bar], help="bar of vanishing modulus under a stress")
+    job.add_argument("--n", type=int, default=400, help="points (default 400)")
+    job.add_argument("--stress", type=float, nargs="+", default=[1e-3, -1e-5], help="σ/E₀ (default 1e-3 -1e-5)")
+    job.add_argument("--alpha", type=float, default=10.0, help="strength of the singularity (default 10)")
+    job.add_argument("--model", nargs="+", default=["seth-hill", "correspondence"], help="seth-hill, correspondence")
+    job.add_argument("--out", default="singular-bar", help="name of the files without ending (default singular-bar)")
+    job = scenes.add_parser("step-bar", parents=[bar], help="bar whose ends are displaced at once")
+    job.add_argument("--n", type=int, default=100, help="points (default 100)")
+    job.add_argument("--strain", type=float, nargs="+", default=[1.0, -1e-4, -1e-3], help="default 1 -0.0001 -0.001")
+    job.add_argument("--model", nargs="+", default=["seth-hill"], help="seth-hill, correspondence")
+    job.add_argument("--out", default="step-bar", help="name of the files without ending (default step-bar)")
+
+
+def _bar_model(name: str, m: float):
+    import pdjax as pd
+    from pdjax._checks import choice
+
+    law = pd.LinearElastic(lam=1.0, mu=0.0)  # type: ignore[call-arg]
+    choice("model", name, ("seth-hill", "correspondence"))
+    return pd.SethHill(m, law) if name == "seth-hill" else pd.Correspondence(law)  # type: ignore[arg-type]
+
+
+def _say(what: str, result, error: float) -> str:
+    """A verdict on one solution in a few lines."""
+    state = f"converged in {result.iterations} iterations" if result.converged else f"NOT converged: {result.reason}"
+    lines = [f"{what}: {state}; relative residual {result.residual:.1e}"]
+    if result.stability is not None:
+        count = result.stability.positive
+        kind = (
+            f"a {result.kind}" if result.converged else "no equilibrium; there the Jacobian is " + (result.kind or "")
+        )
+        lines.append(f"  {kind}: largest eigenvalue {result.stability.eigenvalue:+.4g}, {count} positive")
+    lines.append(f"  distance from the known solution {error:.2%} (relative, root mean square)")
+    if int(result.turned):
+        lines.append(f"  {int(result.turned)} bonds turned backwards: matter passed through itself")
+    return "\n".join(lines)
+
+
+def run(arguments) -> dict:
+    """Solve, judge and draw the scene asked for; what was found as a dictionary."""
+    import pdjax as pd
+    from pdjax._checks import writable, written_whole
+
+    singular = arguments.scene == "singular-bar"
+    picture, data = (writable(f"{arguments.out}.{ending}") for ending in ("png", "npz"))
+    cases: list[Any] = []
+    rows: list[dict] = []
+    arrays: dict[str, Any] = {}
+    for name in arguments.model:
+        model = _bar_model(name, arguments.m)
+        for value in arguments.stress if singular else arguments.strain:
+            if singular:
+                scene = pd.scenes.singular_bar(arguments.n, arguments.N, value, arguments.alpha, model)
+            else:
+                scene = pd.scenes.step_size_bar(arguments.n, arguments.N, value, model=model)
+            result = pd.solve(scene, arguments.method, smallest_step=1.0)
+            x, u, known = scene.body.positions[:, 0], np.asarray(result.u)[:, 0], np.asarray(scene.closed_form)[:, 0]
+            error = float(np.linalg.norm(u - known) / np.linalg.norm(known))
+            curves = {"nonlinear local solution" if singular else "homogeneous": known}
+            if singular:
+                curves["printed, small strain"] = np.asarray(
+                    pd.closed_forms.singular_bar_displacement(x, 1.0, value, arguments.alpha)
+                )
+            what = f"{name}, {'σ/E₀' if singular else 'strain'} = {value:g}"
+            short = result.kind if result.converged else "not converged"
+            cases.append(pd.figures.BarCase(f"{what}: {short}", x, u, curves, value, value))
+            key = f"{name} {value:g}"
+            arrays |= {f"{key} u": u, f"{key} known": known, f"{key} residuals": result.residuals, f"{key} x": x}
+            if result.stability is not None:
+                arrays[f"{key} mode"] = result.stability.mode[:, 0]
+            rows.append(
+                {
+                    "model": name,
+                    "load": value,
+                    "converged": result.converged,
+                    "reason": result.reason,
+                    "iterations": int(result.iterations),
+                    "residual": result.residual,
+                    "kind": result.kind,
+                    "eigenvalue": None if result.stability is None else result.stability.eigenvalue,
+                    "positive": None if result.stability is None else result.stability.positive,
+                    "turned": int(result.turned),
+                    "distance": error,
+                }
+            )
+            if not arguments.json:
+                print(_say(what, result, error))
+    names = ("E₀ u / (σ L)  [–]", "E₀ ε / σ  [–]") if singular else ("u / (strain · L)  [–]", "ε / strain  [–]")
+    title = f"{arguments.scene}, {arguments.n} points, N = {arguments.N:g}, m = {arguments.m:g}, {arguments.method}"
+    figure = pd.figures.bars(cases, title, names)
+    with written_whole(picture) as stream:
+        figure.savefig(stream, format="png", dpi=150)
+    with written_whole(data) as stream:
+        np.savez(stream, **arrays)
+    if not arguments.json:
+        print(f"wrote {picture} and {data}")
+    return {"figure": str(picture), "data": str(data), "cases": rows}
