@@ -37,7 +37,7 @@ def _bar_model(name: str, m: float):
     import pdjax as pd
     from pdjax._checks import choice
 
-    law = pd.LinearElastic(lam=1.0, mu=0.0)  # type: ignore[call-arg]
+    law = pd.LinearElastic(lam=1.0, mu=0.0)  # type: ignore[call-arg, arg-type]
     choice("model", name, ("seth-hill", "correspondence"))
     return pd.SethHill(m, law) if name == "seth-hill" else pd.Correspondence(law)  # type: ignore[arg-type]
 

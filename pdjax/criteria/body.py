@@ -21,7 +21,7 @@ from jaxtyping import Array
 from .._checks import choice
 from ..force import point_field
 from ..problem import Scene
-from ..reduced import Factor, Singular, as_operator, matrix, product, unknown_volumes
+from ..reduced import Factor, Singular, as_operator, count_positive, matrix, product, unknown_volumes
 
 DENSE = 1500  # unknowns up to which all eigenvalues cost less than two factorisations and their Lanczos runs (0.5 s)
 SPARSE = 250_000  # unknowns up to which a factor is tried: 10⁵ in 2D take 4 GB
@@ -115,7 +115,8 @@ def _certified_top(H: sp.csc_array, count: int, tolerance: float) -> tuple:
         factor = Factor((H - shift * eye).tocsc())
         factors += 1
         inverse = sla.LinearOperator(H.shape, matvec=factor.solve, dtype=float)
-        values, vectors = sla.eigsh(H, k=k, sigma=shift, OPinv=inverse, v0=np.ones(size) + start)
+        # a solve is good to eps × condition, 1e-9 at worst: Lanczos can't be asked for more, and its error is squared
+        values, vectors = sla.eigsh(H, k=k, sigma=shift, OPinv=inverse, v0=np.ones(size) + start, tol=1e-8)
         order = np.argsort(values)[::-1]
         return factor.positive, values[order], vectors[:, order]
 
@@ -215,4 +216,4 @@ def body_inertia(scene: Scene, u=None, factor: float = 1.0) -> int:
     _need_energy(scene)
     u = _state(scene, u, factor)
     H = _scaled(matrix(scene, u, factor), np.sqrt(unknown_volumes(scene)))
-    return Factor((H - _tolerance(_norm(H), u.dtype) * sp.eye_array(H.shape[0])).tocsc()).positive
+    return count_positive((H - _tolerance(_norm(H), u.dtype) * sp.eye_array(H.shape[0])).tocsc())

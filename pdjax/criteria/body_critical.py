@@ -18,7 +18,7 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as sla
 
 from ..problem import Scene, still
-from ..reduced import Factor, Singular, as_operator, matrix, product_rate, unknown_volumes
+from ..reduced import Factor, Singular, as_operator, count_positive, matrix, product_rate, unknown_volumes
 from .body import _full, _need_energy, _norm, _scaled, _tolerance
 
 PROOF = 1e-6  # relative distance of the two proving factors
@@ -50,7 +50,7 @@ class BodyCritical(eqx.Module):
 def _near_zero(A: Any, factor: Factor, start: np.ndarray | None) -> tuple[float, np.ndarray]:
     """The eigenpair of A nearest zero, by Lanczos on its inverse."""
     inverse = sla.LinearOperator(A.shape, matvec=factor.solve, dtype=float)
-    values, vectors = sla.eigsh(A, k=1, sigma=0.0, OPinv=inverse, v0=start)
+    values, vectors = sla.eigsh(A, k=1, sigma=0.0, OPinv=inverse, v0=start, tol=1e-9)
     return float(values[0]), vectors[:, 0]
 
 
@@ -78,41 +78,53 @@ def body_critical_load(
     seen: list[tuple[float, int]] = []
     shift = 0.0
 
-    def at(factor: float):
-        """(H, its factor, count, v ↦ H'v) at a load factor."""
+    def state(factor: float) -> tuple[Any, Any]:
+        """H at a load factor, shifted by rounding so that what counts as zero is not positive, and v ↦ H'v."""
         nonlocal shift
         u, du = jax.jvp(path, (jnp.asarray(factor, float),), (jnp.ones(()),))
         H = _scaled(matrix(scene, u, factor), root)
-        if not seen:
+        if shift == 0.0:
             shift = _tolerance(_norm(H), u.dtype)
-        try:
-            lu = Factor((H - shift * sp.eye_array(H.shape[0])).tocsc())
-        except Singular:  # it sits on an eigenvalue, or a pivot vanished: two roundings further it does not
-            lu = Factor((H - 3 * shift * sp.eye_array(H.shape[0])).tocsc())
-        seen.append((float(factor), lu.positive))
         rate = as_operator(lambda v: product_rate(scene, u, du, factor, v / root) / root, H.shape[0])
-        return H, lu, seen[-1][1], rate
+        return (H - shift * sp.eye_array(H.shape[0])).tocsc(), rate
+
+    def factorised(H: Any) -> Factor:
+        try:
+            return Factor(H)
+        except Singular:  # it sits on an eigenvalue, or a pivot vanished: two roundings further it does not
+            return Factor((H - 2 * shift * sp.eye_array(H.shape[0])).tocsc())
+
+    def unstable_at(factor: float, counted: int | None = None) -> bool:
+        count = count_positive(state(factor)[0]) if counted is None else counted
+        seen.append((float(factor), count))
+        return count > 0
 
     def answer(factor: float, w, proved: bool) -> BodyCritical:
         return BodyCritical(float(factor), None if w is None else _full(scene, w, root), tuple(seen), proved)
 
-    H, lu, count, rate = at(0.0)
-    if count:
+    H, rate = state(0.0)
+    lu = factorised(H)
+    if unstable_at(0.0, lu.positive):
         return answer(0.0, _near_zero(H, lu, None)[1], True)
     inverse = sla.LinearOperator(H.shape, matvec=lambda v: -lu.solve(v), dtype=float)
     strength, vector = sla.eigsh(rate, k=1, M=-H, Minv=inverse, which="LA", tol=1e-6)
     w = vector[:, 0]
+    del lu, inverse, H  # one factor at a time: it is most of the memory
     factor = min(1 / strength[0], limit) if strength[0] > 0 else limit
     stable, unstable = 0.0, np.inf
     while len(seen) < MOST - 2:
-        H, lu, count, rate = at(factor)
-        stable, unstable = (max(stable, factor), unstable) if count == 0 else (stable, min(unstable, factor))
+        H, rate = state(factor)
+        lu = factorised(H)
         value, w = _near_zero(H, lu, w)
+        count = lu.positive if lu.cheap else int(value > 0)  # where counting is dear the proof comes at the end
+        del lu
+        seen.append((float(factor), count))
+        stable, unstable = (max(stable, factor), unstable) if count == 0 else (stable, min(unstable, factor))
         slope = float(w @ (rate @ w)) / float(w @ w)
         new = factor - value / slope if slope != 0 else limit
         if count == 0 and (slope <= 0 or new > limit):
             if factor >= limit:
-                return answer(np.inf, None, True)
+                return answer(np.inf, None, not unstable_at(limit))
             new = limit
         if not stable < new < unstable and np.isfinite(unstable):
             new = 0.5 * (stable + unstable)
@@ -120,5 +132,5 @@ def body_critical_load(
         factor = new
         if done:
             break
-    proved = at(factor * (1 - PROOF))[2] == 0 and at(factor * (1 + PROOF))[2] > 0
+    proved = not unstable_at(factor * (1 - PROOF)) and unstable_at(factor * (1 + PROOF))
     return answer(factor, w, proved)

@@ -1,0 +1,127 @@
+"""The singular bar: error against the two closed forms, convergence, failure, and what accuracy costs by each method.
+
+Errors are relative, root mean square over the points. The nonlinear local solution is what the bar converges to; the
+printed small-strain one differs from it by percents at σ/E₀ = 10⁻³.
+"""
+
+import time
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from _harness import write
+from matplotlib.figure import Figure
+
+import pdjax as pd
+from pdjax.figures import COLOURS
+
+jax.config.update("jax_enable_x64", True)
+POINTS = (50, 100, 200, 400, 800, 1600, 3200)
+METHODS = {"newton": "#000000", "newton_krylov": COLOURS["local"], "relaxation": COLOURS["diagonal"]}
+
+
+def distance(u, known) -> float:
+    return float(jnp.linalg.norm(u - known) / jnp.linalg.norm(known))
+
+
+def look(scene, stress, **how) -> dict:
+    """Solve twice (compilation apart) and compare."""
+    pd.solve(scene, stability=False, **how)
+    start = time.perf_counter()
+    found = pd.solve(scene, stability=False, **how)
+    seconds = time.perf_counter() - start
+    own = pd.body_stability(scene, found.u)
+    x = scene.body.positions[:, 0]
+    printed = pd.closed_forms.singular_bar_displacement(x, 1.0, stress)[:, None]
+    return {
+        "n": len(scene.body),
+        "seconds": seconds,
+        "converged": found.converged,
+        "iterations": int(found.iterations),
+        "kind": own.kind,
+        "positive": own.positive,
+        "turned bonds": int(found.turned),
+        "error, nonlinear local": distance(found.u, scene.closed_form),
+        "error, printed": distance(found.u, printed),
+        "printed from nonlinear": distance(printed, scene.closed_form),
+    }
+
+
+def order(rows: list[dict]) -> float:
+    n, e = (np.array([row[key] for row in rows]) for key in ("n", "error, nonlinear local"))
+    return float(-np.polyfit(np.log(n), np.log(e), 1)[0])
+
+
+def tractions() -> list[dict]:
+    """α = 0: the exact traction against an even one, tension."""
+    rows = []
+    for n in (50, 100, 200, 400):
+        errors = {}
+        for traction in ("exact", "even"):
+            scene = pd.scenes.singular_bar(n, 3, 1e-3, alpha=0.0, traction=traction)
+            errors[traction] = distance(pd.solve(scene, stability=False, tolerance=1e-13).u, scene.closed_form)
+        rows.append({"n": n, **errors})
+    return rows
+
+
+def main() -> None:
+    tension = {
+        N: [look(pd.scenes.singular_bar(n, N, 1e-3), 1e-3, smallest_step=1.0) for n in POINTS] for N in (1, 2, 3, 4)
+    }
+    compression = [look(pd.scenes.singular_bar(n, 3, -1e-5), -1e-5, smallest_step=1.0) for n in POINTS[:-1]]
+    silling = pd.Correspondence(pd.LinearElastic(1.0, 0.0))
+    original = {
+        stress: [
+            look(pd.scenes.singular_bar(n, 3, stress, model=silling), stress, smallest_step=1.0) for n in POINTS[:5]
+        ]
+        for stress in (1e-3, -1e-5)
+    }
+    methods = {"newton": tension[3]}
+    for name, most in (("newton_krylov", 1600), ("relaxation", 1600)):
+        methods[name] = [
+            look(pd.scenes.singular_bar(n, 3, 1e-3), 1e-3, method=name, smallest_step=1.0) for n in POINTS if n <= most
+        ]
+    figure = Figure(figsize=(10.4, 4.4), layout="constrained")
+    left, right = figure.subplots(1, 2)
+    for N, rows in tension.items():
+        label = f"tension, N = {N}: order {order(rows):.2f}"
+        left.loglog(
+            [r["n"] for r in rows], [r["error, nonlinear local"] for r in rows], "o-", markersize=3, label=label
+        )
+    for r in compression:
+        mark = {"minimum": "s", "saddle": "x"}.get(r["kind"], "d")
+        left.loglog([r["n"]], [r["error, nonlinear local"]], mark, color=COLOURS["diagonal"])
+    left.plot([], [], "s", color=COLOURS["diagonal"], label="compression, N = 3: a minimum")
+    left.plot([], [], "x", color=COLOURS["diagonal"], label="compression, N = 3: a saddle")
+    left.loglog(
+        [r["n"] for r in tension[3]], [r["error, printed"] for r in tension[3]], "k:", label="N = 3, from printed"
+    )
+    left.set_xlabel("points n  [–]")
+    left.set_ylabel("error of u from the local solution  [–]")
+    left.legend(frameon=False, fontsize=7)
+    for name, rows in methods.items():
+        x, y = [r["seconds"] for r in rows], [r["error, nonlinear local"] for r in rows]
+        right.loglog(x, y, "o-", color=METHODS[name], markersize=3, label=name.replace("_", "–"))
+    for r in tension[3]:
+        right.annotate(str(r["n"]), (r["seconds"], r["error, nonlinear local"]), fontsize=7, xytext=(-4, -9),
+                       textcoords="offset points", ha="right")  # fmt: skip
+    right.set_xlabel("time to solve, compilation apart  [s]")
+    right.set_ylabel("error of u from the local solution  [–]")
+    right.legend(frameon=False, fontsize=8)
+    figure.suptitle("Singular bar, m = 1, α = 10, σ/E₀ = 10⁻³ (tension), −10⁻⁵ (compression)", fontsize=11)
+    write(
+        "singular_bar",
+        {
+            "tension by N": tension,
+            "orders": {N: order(rows) for N, rows in tension.items()},
+            "compression, N = 3": compression,
+            "Silling's model, N = 3": original,
+            "methods, tension, N = 3": methods,
+            "alpha = 0: error by traction": tractions(),
+        },
+        figure,
+    )
+
+
+if __name__ == "__main__":
+    main()
