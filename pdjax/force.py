@@ -26,7 +26,7 @@ def _split(model: AbstractModel, points: int) -> tuple[Any, Any]:
     return eqx.partition(model, lambda leaf: eqx.is_array(leaf) and leaf.ndim > 0 and leaf.shape[0] == points)
 
 
-def _each_point(method: str, model: AbstractModel, bonds: Bonds) -> Any:
+def each_point(method: str, model: AbstractModel, bonds: Bonds) -> Any:
     """model.method(bonds) at every point, with that point's own constants."""
     varying, shared = _split(model, bonds.xi.shape[0])
     return jax.vmap(lambda mine, b: getattr(eqx.combine(mine, shared), method)(b))(varying, bonds)
@@ -47,7 +47,7 @@ def check_model(model: AbstractModel, fams: Family | Families) -> None:
 
 @eqx.filter_jit
 def _shape_tensors(model: AbstractModel, bonds: Bonds) -> Any:
-    return _each_point("shape_tensor", model, bonds)
+    return each_point("shape_tensor", model, bonds)
 
 
 def _refuse_singular(model: AbstractModel, fams: Family | Families) -> None:
@@ -118,7 +118,7 @@ def affine_stress(model: AbstractModel, fam: Family, F: Float[Array, "dim dim"])
 
 def _force_by_state(model: PointStateModel, fams: Families, bonds: Bonds) -> Float[Array, "points dim"]:
     varying, shared = _split(model, len(fams))
-    state = _each_point("point_state", model, bonds)
+    state = each_point("point_state", model, bonds)
     j = fams.neighbours
     other_state, other_constants = jax.tree.map(lambda x: x[j], (state, varying))
 
@@ -134,7 +134,7 @@ def _force_by_state(model: PointStateModel, fams: Families, bonds: Bonds) -> Flo
 
 
 def _force_by_family(model: AbstractModel, fams: Families, bonds: Bonds) -> Float[Array, "points dim"]:
-    T = _each_point("force_state", model, bonds)
+    T = each_point("force_state", model, bonds)
     return jnp.einsum("pb,pbi->pi", bonds.volume, T - T[fams.neighbours, fams.reverse])
 
 
@@ -157,14 +157,14 @@ def force_density(model: AbstractModel, fams: Families, u, F=None) -> Float[Arra
 
 def strain_energy(model: AbstractModel, fams: Families, u, F=None) -> Float[Array, ""]:
     """Π = Σ_i V_i W_i [energy] of a body; arguments and errors as `force_density`."""
-    return jnp.dot(fams.volumes, _each_point("energy", model, body_bonds(model, fams, u, F)))
+    return jnp.dot(fams.volumes, each_point("energy", model, body_bonds(model, fams, u, F)))
 
 
 def strain(model: AbstractModel, fams: Families, u, F=None) -> Float[Array, "points dim dim"]:
     """The model's own strain at every point [-]: Ē_m for Seth–Hill, else Green–Lagrange of F̄."""
-    return _each_point("strain", model, body_bonds(model, fams, u, F))
+    return each_point("strain", model, body_bonds(model, fams, u, F))
 
 
 def stress(model: AbstractModel, fams: Families, u, F=None) -> Float[Array, "points dim dim"]:
     """The law's own stress at every point [pressure]: S = ∂Ψ/∂E for a law in E, P = ∂ψ/∂F for a law in F."""
-    return _each_point("stress", model, body_bonds(model, fams, u, F))
+    return each_point("stress", model, body_bonds(model, fams, u, F))

@@ -88,8 +88,8 @@ def _check_points(condition: Condition, points: int) -> np.ndarray:
     return p
 
 
-def _prescribe(conditions: Sequence[Condition], shape: tuple[int, int]) -> tuple[np.ndarray, Array]:
-    """(held (points, dim), their values); refuses two different values for one component."""
+def _prescribe(conditions: Sequence[Condition], shape: tuple[int, int], eps: float) -> tuple[np.ndarray, Array]:
+    """(held (points, dim), their values); refuses values for one component that differ by more than eps."""
     held = np.zeros(shape, dtype=bool)
     value = jnp.zeros(shape)
     for condition in conditions:
@@ -106,7 +106,7 @@ def _prescribe(conditions: Sequence[Condition], shape: tuple[int, int]) -> tuple
         if again.any() and is_concrete(new, value):
             old = np.asarray(value)[np.ix_(p, c)]
             scale = max(float(np.abs(old).max()), float(jnp.abs(new).max()))
-            clash = again & (np.abs(old - np.asarray(new)) > 1e-12 * scale)
+            clash = again & (np.abs(old - np.asarray(new)) > eps * scale)
             if clash.any():
                 i, k = np.argwhere(clash)[0]
                 raise ValueError(
@@ -127,8 +127,9 @@ def _load(conditions: Sequence[Condition], body: Points, fams: Families, model, 
         shape = (len(p), body.dim)
         if isinstance(condition, HomogeneousTraction):
             F = deformation_gradient(condition.F, body.dim)
-            u = jnp.asarray(body.positions) @ (F - jnp.eye(body.dim)).T
-            b = -force_density(condition.model if condition.model is not None else model, fams, u)[p]
+            b = -force_density(
+                condition.model if condition.model is not None else model, fams, jnp.zeros(held.shape), F
+            )[p]
             b = jnp.where(held[p], 0.0, b)
         elif isinstance(condition, TotalForce):
             b = _spread(condition.force / float(body.volumes[p].sum()), shape, "force of total_force")
@@ -136,7 +137,8 @@ def _load(conditions: Sequence[Condition], body: Points, fams: Families, model, 
             b = _spread(condition.b, shape, "b of body_force")
         else:
             raise ValueError(f"conditions must come from prescribe, body_force, total_force …; got {condition!r}")
-        clash = held[p] & ((np.asarray(b) != 0) if is_concrete(b) else True)
+        value = jax.lax.stop_gradient(b)
+        clash = held[p] & ((np.asarray(value) != 0) if is_concrete(value) else False)
         if clash.any():
             i, k = np.argwhere(clash)[0]
             raise ValueError(
@@ -180,10 +182,14 @@ def _check_held(body: Points, fams: Families, held: np.ndarray) -> None:
     for piece in range(pieces):
         inside = np.flatnonzero(label == piece)
         motions, names = _rigid_motions(body.positions[inside], body.period is not None)
-        at_held = motions[:, held[inside]]  # (motions, held components)
-        _, size, directions = np.linalg.svd(at_held.T, full_matrices=True)
-        size = np.concatenate([size, np.zeros(len(names) - len(size))])
-        loose = directions[size <= 1e-9 * np.sqrt(max(1, at_held.shape[1]))]
+        flat = motions.reshape(len(names), -1)
+        # motions that move something, orthonormal: points on a line can't turn about it
+        size, mix = np.linalg.eigh(flat @ flat.T)
+        basis = (mix / np.sqrt(np.maximum(size, np.finfo(float).tiny))).T[size > 1e-10 * size[-1]]
+        at_held = np.einsum("mk,kh->mh", basis, motions[:, held[inside]])  # (motions, held components)
+        square = np.linalg.qr(at_held.T, mode="r") if at_held.shape[1] > len(basis) else at_held.T
+        _, grip, directions = np.linalg.svd(np.concatenate([square, np.zeros((len(basis), len(basis)))]))
+        loose = directions[grip <= 1e-9 * np.sqrt(max(1, at_held.shape[1]) / flat.shape[1])] @ basis
         if len(loose):
             names = [names[k] for k in sorted({int(np.argmax(np.abs(row))) for row in loose})]
             where = "the body" if pieces == 1 else f"piece {piece + 1} of {pieces} (the one of point {inside[0]})"
@@ -216,7 +222,7 @@ def scene(
         raise ValueError("mean deformation is for periodic bodies; prescribe displacements of this one instead")
     shape = (len(body), body.dim)
     body_bonds(model, fams, jnp.zeros(shape))  # refuses families the model can't use
-    held, value = _prescribe(conditions, shape)
+    held, value = _prescribe(conditions, shape, 16 * float(jnp.finfo(fams.xi.dtype).eps))
     if held.all():
         raise ValueError("the body is over-constrained: every displacement is prescribed and nothing is left to solve")
     _check_held(body, fams, held)

@@ -12,6 +12,7 @@ A_{k,k−1} S_{k−1}⁻¹ A_{k−1,k} (Haynsworth), each by dense Cholesky, or 
 Units: residual [force], A [force/length].
 """
 
+import functools
 from typing import Any
 
 import equinox as eqx
@@ -24,6 +25,7 @@ from jaxtyping import Array, Float
 from scipy.linalg import LinAlgError, cholesky, eigvalsh_tridiagonal, ldl, solve, solve_triangular
 from scipy.sparse.csgraph import reverse_cuthill_mckee
 
+from .force import each_point
 from .problem import Scene
 from .tangent import jacobian
 
@@ -35,32 +37,46 @@ def residual_of(scene: Scene, q: Float[Array, " unknowns"], factor) -> Float[Arr
     return scene.unbalanced(scene.displacement(q, factor), factor).reshape(-1)[scene.unknowns]
 
 
-@eqx.filter_jit
+def _kernel(function: Any) -> Any:
+    """Jitted, its third argument, the load factor, always an array: a new load never compiles anew."""
+    jitted = eqx.filter_jit(function)
+
+    @functools.wraps(function)
+    def call(scene, q, factor, *more):
+        return jitted(scene, q, jnp.asarray(factor, q.dtype), *more)
+
+    return call
+
+
+@_kernel
 def residual_and_scale(scene: Scene, q, factor) -> tuple[Array, Array]:
-    """r, and the force it is measured by: the larger of ‖V f‖ over all points (reactions too) and ‖λ V b‖."""
-    forces = scene.unbalanced(scene.displacement(q, factor), factor)
+    """r, and the force it is measured by: the largest of ‖V f‖ over all points (reactions too), ‖λ V b‖ and the root
+    mean square over points of V_i Σ_j V_j |T_ij|, which a periodic body keeps where nothing reacts."""
+    u = scene.displacement(q, factor)
+    forces = scene.unbalanced(u, factor)
     applied = factor * scene.families.volumes[:, None] * scene.load
+    bonds = scene.families.bonds(u, scene.mean_deformation(factor))
+    T = each_point("force_state", scene.model, bonds)
+    pull = scene.families.volumes * jnp.einsum("pb,pb->p", bonds.volume, jnp.linalg.norm(T, axis=-1))
     scale = jnp.maximum(jnp.linalg.norm(forces - applied), jnp.linalg.norm(applied))
-    return forces.reshape(-1)[scene.unknowns], scale
+    return forces.reshape(-1)[scene.unknowns], jnp.maximum(scale, jnp.sqrt(jnp.mean(pull**2)))
 
 
-@eqx.filter_jit
+@_kernel
 def product(scene: Scene, q, factor, v) -> Float[Array, " unknowns"]:
     """A v by JVP."""
     return jax.jvp(lambda p: residual_of(scene, p, factor), (q,), (v,))[1]
 
 
-@eqx.filter_jit
+@_kernel
 def load_rate(scene: Scene, q, factor) -> Float[Array, " unknowns"]:
     """∂r/∂λ at fixed q."""
-    factor = jnp.asarray(factor, q.dtype)
     return jax.jvp(lambda x: residual_of(scene, q, x), (factor,), (jnp.ones_like(factor),))[1]
 
 
-@eqx.filter_jit
-def product_rate(scene: Scene, u, du, factor, v) -> Float[Array, " unknowns"]:
+@_kernel
+def product_rate(scene: Scene, u, factor, du, v) -> Float[Array, " unknowns"]:
     """(dA/dλ) v along a path of displacements with rate du = du/dλ (points, dim)."""
-    factor = jnp.asarray(factor, u.dtype)
 
     def along(s):
         def force(w):

@@ -93,7 +93,10 @@ def singular_bar(
     at_end = 1 + alpha / (2 * math.sqrt(0.5))
     end_strain = local_strain_of_stress(base, jnp.asarray(stress) * at_end)
     if is_concrete(end_strain) and not np.isfinite(end_strain):
-        raise ValueError(f"stress {stress} has no local equilibrium at the loaded end: beyond the law's limit point")
+        raise ValueError(
+            f"stress {stress} has no local equilibrium at the loaded end: beyond the law's limit point"
+            " (or a strain above 100)"
+        )
     u, _ = singular_bar_local(base, x, 1.0, stress, alpha)
     held, loaded = np.arange(layer), np.arange(n - layer, n)
     pull: conditions.Condition

@@ -52,6 +52,12 @@ def test_symbol_says_what_the_library_says(tmp_path, capsys):
         (["critical", "--criterion", "norm"], "criterion must be one of"),
         (["symbol", "--a=-1.5", "--dim", "3"], "det F > 0"),
         (["symbol", "--resolution", "1"], "resolution must be"),
+        (["run", "step-bar", "--strain=-1"], "strain must be finite and > -1"),
+        (["run", "step-bar", "--n", "12"], "n must be a whole number >= 13"),
+        (["run", "step-bar", "--method", "guess"], "method must be one of"),
+        (["run", "singular-bar", "--stress=-0.5"], "no local equilibrium at the loaded end"),
+        (["run", "singular-bar", "--model", "rubber"], "model must be one of"),
+        (["run", "singular-bar", "--out", "no-such-folder/x"], "does not exist"),
     ],
 )
 def test_bad_input_is_said_and_leaves_nothing(arguments, words, tmp_path, capsys, monkeypatch):
@@ -79,3 +85,23 @@ def test_a_failed_map_keeps_the_old_file(tmp_path, capsys, monkeypatch):
     assert main([*SMALL, "--out", str(tmp_path / "small")]) == 130
     assert "interrupted" in capsys.readouterr().err
     assert old.read_bytes() == b"old"
+
+
+def test_run_step_bar_says_what_it_found(tmp_path, capsys):
+    assert main(["run", "step-bar", "--strain", "1", "-0.0001", "--out", str(tmp_path / "bar")]) == 0
+    said = capsys.readouterr().out
+    assert "a minimum: largest eigenvalue -65.78, 0 positive" in said
+    assert "a saddle: largest eigenvalue +0.1622, 1 positive" in said
+    arrays = np.load(tmp_path / "bar.npz")
+    assert np.allclose(arrays["seth-hill 1 u"], arrays["seth-hill 1 known"], atol=1e-12)  # measured 1e-16
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["bar.npz", "bar.png"]
+
+
+def test_run_singular_bar_in_json(tmp_path, capsys):
+    arguments = ["run", "singular-bar", "--n", "60", "--stress", "1e-3", "--out", str(tmp_path / "bar"), "--json"]
+    assert main(arguments) == 0
+    cases = json.loads(capsys.readouterr().out)["cases"]
+    assert [c["model"] for c in cases] == ["seth-hill", "correspondence"]
+    assert all(c["converged"] and c["kind"] == "minimum" for c in cases)
+    assert cases[0]["distance"] < 0.5 * cases[1]["distance"]  # measured 0.12 and 0.38
+    assert (tmp_path / "bar.png").stat().st_size > 10_000

@@ -9,7 +9,7 @@ TEXT = (ROOT / "README.md").read_text()
 
 def test_python_blocks_run(capsys):
     blocks = re.findall(r"```python\n(.*?)```", TEXT, flags=re.S)
-    assert len(blocks) == 2
+    assert len(blocks) == 3
     scope: dict = {}
     for block in blocks:
         exec(compile(block, "README.md", "exec"), scope)
@@ -17,6 +17,7 @@ def test_python_blocks_run(capsys):
     assert "symbol: unstable" in said
     assert "\nstable\n" in said  # the diagonal's verdict
     assert "-0.0254" in said
+    assert "\nTrue saddle\n" in said
 
 
 def test_paths_and_links_exist():

@@ -28,7 +28,17 @@ def _branch_end(model: AbstractModel, side) -> Float[Array, ""]:
     low, high = -np.geomspace(1e-4, 0.99, 600), np.geomspace(1e-4, 100.0, 600)
     e = jnp.where(side < 0, low, high)
     turned = jax.vmap(jax.grad(lambda x: uniaxial_piola(model, x)))(e) <= 0
-    return jnp.where(turned.any(), e[jnp.argmax(turned)], e[-1])
+    i = jnp.argmax(turned)
+    slope = jax.grad(lambda x: uniaxial_piola(model, x))
+
+    def halve(_, bracket):
+        rising, falling = bracket
+        middle = (rising + falling) / 2
+        up = slope(middle) > 0
+        return jnp.where(up, middle, rising), jnp.where(up, falling, middle)
+
+    rising, _ = jax.lax.fori_loop(0, 50, halve, (jnp.where(i > 0, e[i - 1], 0.0), e[i]))
+    return jnp.where(turned.any(), rising, e[-1])
 
 
 @eqx.filter_jit
@@ -47,7 +57,7 @@ def local_strain_of_stress(model: AbstractModel, stress) -> Float[Array, "..."]:
         end = jnp.where(still < 0, low, high)
         most = uniaxial_piola(quiet, end)
         reachable = jnp.abs(still) < jnp.abs(most)
-        aim = jnp.where(reachable, still, 0.5 * most)
+        aim = jnp.where(reachable & (still != 0), still, 0.5 * most)
         found: optx.Solution = optx.root_find(
             lambda t, _: uniaxial_piola(quiet, t * end) - aim,
             optx.Bisection(rtol=1e-12, atol=1e-13),  # type: ignore[call-arg]
@@ -56,7 +66,7 @@ def local_strain_of_stress(model: AbstractModel, stress) -> Float[Array, "..."]:
             max_steps=80,
             throw=False,
         )
-        e = jnp.where(reachable, found.value * end, 0.0)
+        e = jnp.where(reachable & (still != 0), found.value * end, 0.0)
         for _ in range(3):  # Newton from the root: polished to rounding, and the implicit function theorem
             slope = jax.grad(lambda x: uniaxial_piola(quiet, x))(jax.lax.stop_gradient(e))
             e = e - (uniaxial_piola(model, e) - target) / slope
@@ -78,16 +88,26 @@ def singular_bar_local(model: AbstractModel, x, length, stress, alpha=10.0) -> t
     square = jnp.maximum(x / length - 0.5, 0.0)  # t²
     beyond = square > 0
     softness = 1 + alpha / (2 * jnp.sqrt(jnp.where(beyond, square, 1.0)))
-    e = local_strain_of_stress(model, jnp.concatenate([jnp.ones(1), jnp.where(beyond, softness, 1.0)]) * stress)
-    base, e = e[0], e[1:]
     end = _branch_end(jax.lax.stop_gradient(model), stress)
-    lost = jnp.isnan(e)
-    start = jnp.where(lost, end, e)
-    # ∫ e dt² = e t² + ∫_e^end t² de, t² = (ασ/2 / (P(e) − σ))², over s = log e: smooth, 96 points reach rounding
-    nodes, weights = np.polynomial.legendre.leggauss(96)
-    span = jnp.log(end / start)[:, None] / 2
-    at = start[:, None] * jnp.exp(span * (nodes + 1))
-    pull = jax.vmap(jax.vmap(lambda a: uniaxial_piola(model, a)))(at) - stress
-    tail = (weights * span * at * (alpha * stress / 2 / jnp.where(pull == 0, jnp.inf, pull)) ** 2).sum(axis=1)
-    grown = jnp.where(beyond, jnp.where(alpha > 0, start * square + tail, base * square), 0.0) * length
-    return base * jnp.minimum(x, length / 2) + grown, e
+
+    def strain(t):
+        """e at x/L = ½ + t², the end of the branch where there is no solution."""
+        e = local_strain_of_stress(model, stress * (1 + alpha / (2 * t)))
+        return jnp.where(jnp.isnan(e), end, e)
+
+    # ∫ e dx = ∫ 2 t e dt panel by panel, from point to point; the first one from 0 in y, t = t₁ y³, for e grows there
+    t = jnp.sqrt(square)
+    before = jnp.concatenate([jnp.zeros(1), t[:-1]])
+    first = beyond & (before == 0)
+    nodes, weights = np.polynomial.legendre.leggauss(12)
+    left, width = jnp.where(first | ~beyond, 1.0, before), jnp.where(first | ~beyond, 0.0, t - before)
+    at = left[:, None] + width[:, None] * (nodes + 1) / 2
+    panel = (weights / 2 * 2 * at * strain(at)).sum(axis=1) * width
+    nodes, weights = np.polynomial.legendre.leggauss(128)
+    y = (nodes + 1) / 2
+    start = jnp.max(jnp.where(first, t, 0.0))
+    at = jnp.where(start > 0, start, 1.0) * y**3
+    opening = jnp.sum(weights / 2 * 6 * y**2 * at * strain(at)) * start
+    grown = jnp.cumsum(jnp.where(first, opening, panel)) * length
+    e = local_strain_of_stress(model, jnp.concatenate([jnp.ones(1), jnp.where(beyond, softness, 1.0)]) * stress)
+    return e[0] * jnp.minimum(x, length / 2) + jnp.where(beyond, grown, 0.0), e[1:]

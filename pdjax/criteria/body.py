@@ -21,7 +21,16 @@ from jaxtyping import Array
 from .._checks import choice
 from ..force import point_field
 from ..problem import Scene
-from ..reduced import Factor, Singular, as_operator, count_positive, matrix, product, unknown_volumes
+from ..reduced import (
+    Factor,
+    Singular,
+    as_operator,
+    count_positive,
+    matrix,
+    product,
+    residual_and_scale,
+    unknown_volumes,
+)
 
 DENSE = 1500  # unknowns up to which all eigenvalues cost less than two factorisations and their Lanczos runs (0.5 s)
 SPARSE = 250_000  # unknowns up to which a factor is tried: 10⁵ in 2D take 4 GB
@@ -148,6 +157,11 @@ def body_spectrum(scene: Scene, u=None, count: int | None = None, factor: float 
     _need_energy(scene)
     u = _state(scene, u, factor)
     size = len(np.asarray(scene.unknowns))
+    force = np.asarray(residual_and_scale(scene, u.reshape(-1)[scene.unknowns], factor)[0])
+    if not np.isfinite(force).all():
+        raise ValueError("the forces at u are not finite: a bond collapsed to no length, or u holds NaN")
+    if size < 3:
+        method = "dense"
     if method == "auto":
         fits = "sparse" if size <= SPARSE else "matrix_free"
         method = "dense" if size <= DENSE or count is None else fits

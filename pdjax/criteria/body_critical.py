@@ -1,10 +1,12 @@
 """Critical load of a body: where the largest eigenvalue of its Jacobian crosses zero along a path of displacements.
 
     A(λ) v = 0.     First the linearised problem at rest, −A(0) v = λ A'(0) v (Lanczos with one factor of A(0)); then
-    Newton on the eigenvalue that vanishes, λ ← λ − x / (vᵀ A'(λ) v), x v = A(λ) v by inverse iteration with one factor
-    each; at last two factors at λ (1 ∓ 1e-6), whose inertia proves the crossing.
+    Newton on the eigenvalue that vanishes, λ ← λ − x / (vᵀ A'(λ) v), x v = A(λ) v by inverse iteration with one
+    factor each; at last two factors at λ (1 ∓ 1e-6), whose inertia proves the crossing.
 
-A'(λ) is never formed: its products are JVPs of JVPs. Six factors suffice where the path is a homogeneous deformation.
+Where an iterate is unstable by more than one eigenvalue the bracket of counts is halved instead: Newton there would
+follow a later crossing. A'(λ) is never formed: its products are JVPs of JVPs. Six factors suffice where the path is a
+homogeneous deformation.
 """
 
 from collections.abc import Callable
@@ -22,14 +24,15 @@ from ..reduced import Factor, Singular, as_operator, count_positive, matrix, pro
 from .body import _full, _need_energy, _norm, _scaled, _tolerance
 
 PROOF = 1e-6  # relative distance of the two proving factors
-MOST = 8
+MOST = 60
 
 
 class BodyCritical(eqx.Module):
     """The answer of `body_critical_load`.
 
     factor: the load factor λ at the crossing (0: unstable at rest; inf: not up to the limit); mode (points, dim), unit;
-    positive: (factor, eigenvalues above zero) at every factorisation; proved: stable just below, unstable just above.
+    positive: (factor, eigenvalues above zero) at every factorisation; proved: stable just below, unstable just above
+    (for inf: stable at the limit). Not proved: the middle of the bracket that 60 factors left.
     """
 
     factor: float
@@ -63,6 +66,7 @@ def body_critical_load(
 
     Arguments: path λ → u (points, dim) [length], a JAX function, starting at rest; by default λ times the scene's
         closed form, which for homogeneous states is the equilibrium path; limit.
+    Instability that comes and goes between two factors is not seen.
     Returns: `BodyCritical`. Raises: ValueError without a path or closed form, or for a model without an energy.
     """
     _need_energy(scene)
@@ -85,7 +89,7 @@ def body_critical_load(
         H = _scaled(matrix(scene, u, factor), root)
         if shift == 0.0:
             shift = _tolerance(_norm(H), u.dtype)
-        rate = as_operator(lambda v: product_rate(scene, u, du, factor, v / root) / root, H.shape[0])
+        rate = as_operator(lambda v: product_rate(scene, u, factor, du, v / root) / root, H.shape[0])
         return (H - shift * sp.eye_array(H.shape[0])).tocsc(), rate
 
     def factorised(H: Any) -> Factor:
@@ -112,25 +116,36 @@ def body_critical_load(
     del lu, inverse, H  # one factor at a time: it is most of the memory
     factor = min(1 / strength[0], limit) if strength[0] > 0 else limit
     stable, unstable = 0.0, np.inf
-    while len(seen) < MOST - 2:
+    while len(seen) < MOST:
+        if stable >= limit:
+            return answer(np.inf, None, True)
         H, rate = state(factor)
         lu = factorised(H)
         value, w = _near_zero(H, lu, w)
         count = lu.positive if lu.cheap else int(value > 0)  # where counting is dear the proof comes at the end
         del lu
         seen.append((float(factor), count))
-        stable, unstable = (max(stable, factor), unstable) if count == 0 else (stable, min(unstable, factor))
         slope = float(w @ (rate @ w)) / float(w @ w)
         new = factor - value / slope if slope != 0 else limit
-        if count == 0 and (slope <= 0 or new > limit):
-            if factor >= limit:
-                return answer(np.inf, None, not unstable_at(limit))
-            new = limit
-        if not stable < new < unstable and np.isfinite(unstable):
-            new = 0.5 * (stable + unstable)
-        done = abs(new - factor) <= 0.1 * PROOF * abs(new)
+        if abs(new - factor) <= 0.1 * PROOF * abs(new):
+            if unstable_at(new * (1 - PROOF)):
+                unstable = min(unstable, new * (1 - PROOF))
+            elif unstable_at(new * (1 + PROOF)):
+                return answer(new, w, True)
+            else:
+                stable = max(stable, new * (1 + PROOF))
+            new = np.nan  # an eigenvalue crosses here, but not the first: go on between the bounds
+        elif count == 0:
+            stable = max(stable, factor)
+            if slope <= 0 or new > limit:
+                if factor >= limit:
+                    return answer(np.inf, None, True)
+                new = limit
+        else:
+            unstable = min(unstable, factor)
+            if count > 1 or value < 0:
+                new = np.nan  # the eigenvalue next to zero is not the one that crossed first
+        if not stable < new < unstable:
+            new = 0.5 * (stable + unstable) if np.isfinite(unstable) else limit
         factor = new
-        if done:
-            break
-    proved = not unstable_at(factor * (1 - PROOF)) and unstable_at(factor * (1 + PROOF))
-    return answer(factor, w, proved)
+    return answer(0.5 * (stable + min(unstable, limit)), w, False)

@@ -2,11 +2,13 @@
 
     r(q(θ), θ) = 0   ⇒   dq/dθ = −A⁻¹ ∂r/∂θ
 
-No iteration is differentiated: at the solution, one linear solve with A (forward) or Aᵀ (reverse), by the same sparse
-factor, kept on the host. First derivatives; A itself is taken as a constant.
+No iteration is differentiated: at the solution, linear solves with A (forward) or Aᵀ (reverse), by the same sparse
+factor, kept on the host. Exact to second order.
 """
 
+import equinox as eqx
 import jax
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
@@ -15,31 +17,53 @@ from ..reduced import Factor, matrix, product, residual_of
 
 
 def attach(scene: Scene, q: Array, factor) -> Array:
-    """q with the derivative it has as the solution of the (traced) scene; its value is unchanged."""
+    """q with the derivatives it has as the solution of the (traced) scene; its value is unchanged.
+
+    A Newton step from the root is the implicit function theorem; the second one makes second derivatives exact.
+    """
     quiet = still(scene)
-    q = jax.lax.stop_gradient(q)
-    factors: list[Factor] = []  # made when first needed: a solution nobody differentiates costs nothing
+    root = jax.lax.stop_gradient(q)
+    lu = Factor(matrix(quiet, quiet.displacement(root, factor), factor), scene.model.hyperelastic)
 
     def solved(b: np.ndarray, transposed: bool) -> np.ndarray:
-        if not factors:
-            factors.append(Factor(A, scene.model.hyperelastic))
-        return factors[0].solve(np.asarray(b).T, transposed).T.astype(b.dtype)
-
-    A = matrix(quiet, quiet.displacement(q, factor), factor)
+        columns = np.asarray(b).reshape(-1, b.shape[-1]).T
+        return lu.solve(columns, transposed).T.reshape(b.shape).astype(b.dtype)
 
     def solve(_, b, transposed=False):
         like = jax.ShapeDtypeStruct(b.shape, b.dtype)
         return jax.pure_callback(lambda x: solved(x, transposed), like, b, vmap_method="expand_dims")
 
-    r = residual_of(scene, q, factor)
-    change = jax.lax.custom_linear_solve(
-        lambda v: product(quiet, q, factor, v),
-        jax.lax.stop_gradient(r) - r,
-        solve,
-        lambda matvec, b: solve(matvec, b, True),
-        symmetric=scene.model.hyperelastic,
-    )
-    return q + change
+    q = root
+    for _ in range(2):
+        at = q
+        r = residual_of(scene, at, factor)
+        q = at - jax.lax.custom_linear_solve(
+            lambda v, at=at: product(scene, at, factor, v),
+            r - jax.lax.stop_gradient(r),
+            solve,
+            lambda matvec, b: solve(matvec, b, True),
+            symmetric=scene.model.hyperelastic,
+        )
+    return q
+
+
+@jax.custom_jvp
+def without_derivative(u: Array, by: Array, bad: Array) -> Array:
+    """u, whose derivative by anything in `by` is NaN where `bad`: what did not converge has none."""
+    return u
+
+
+@without_derivative.defjvp
+def _(primals, tangents):
+    u, _, bad = primals
+    du, dby, _ = tangents
+    return u, du + jnp.where(bad, jnp.nan, 0.0) * dby
+
+
+def leaves_sum(scene: Scene) -> Array:
+    """A number that depends on every real leaf of the scene."""
+    leaves = [x for x in jax.tree.leaves(scene) if eqx.is_inexact_array(x)]
+    return sum((jnp.sum(x) for x in leaves), jnp.zeros(()))
 
 
 def is_differentiated(scene: Scene) -> bool:

@@ -68,5 +68,5 @@ def relaxation(
             mass, left, v, old = 4 * mass, left - 1, jnp.zeros_like(q), jnp.zeros_like(q)
             continue
         q, v, old = after
-        history.append(float(size / scale))
+        history.append(float(size / scale) if scale > 0 else 0.0)
     return q, CONVERGED if history[-1] <= tolerance else OUT_OF_STEPS, history

@@ -10,7 +10,8 @@ from jaxtyping import Array, Float
 
 from ..criteria.body import BodyStability
 
-CONVERGED, OUT_OF_STEPS, NO_DECREASE, SINGULAR, NOT_FINITE, STEP_TOO_SMALL = range(6)
+CONVERGED, OUT_OF_STEPS, NO_DECREASE, SINGULAR, NOT_FINITE, STEP_TOO_SMALL, FLOWN = range(7)
+TORN = 1e3  # stretch of a bond beyond which the body is said to have come apart
 REASONS = (
     "converged",
     "the iterations ran out",
@@ -18,6 +19,7 @@ REASONS = (
     "the Jacobian is singular",
     "the residual is not finite: a bond collapsed or the displacement diverged",
     "the load step fell below the smallest allowed",
+    "the body came apart: bonds longer than 1000 times their length, where forces fade",
 )
 
 
@@ -71,6 +73,13 @@ class Equilibrium(eqx.Module):
             f"{self.method}: {head}; load factor {float(self.load_factor):g}, {int(self.iterations)} iterations,"
             f" relative residual {self.residual:.1e}{what}{turned}"
         )
+
+
+def torn(families, u) -> Array:
+    """Whether a bond is longer than TORN times its reference length: forces that fade pass for equilibrium there."""
+    bonds = families.bonds(u)
+    longer = jnp.sum((bonds.xi + bonds.eta) ** 2, axis=-1) > TORN**2 * jnp.sum(bonds.xi**2, axis=-1)
+    return jnp.any(longer & (families.weight > 0))
 
 
 def turned_bonds(families, u) -> Array:

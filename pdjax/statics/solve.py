@@ -15,10 +15,10 @@ from .._checks import choice, is_concrete
 from ..criteria.body import body_stability
 from ..problem import Scene, still
 from ..reduced import Singular, load_rate, residual_and_scale, residual_of
-from .implicit import attach, is_differentiated
+from .implicit import attach, is_differentiated, leaves_sum, without_derivative
 from .newton import direct, krylov, newton
 from .relaxation import CHUNK, relaxation
-from .result import CONVERGED, NOT_FINITE, SINGULAR, STEP_TOO_SMALL, Equilibrium, turned_bonds
+from .result import CONVERGED, FLOWN, NOT_FINITE, SINGULAR, STEP_TOO_SMALL, Equilibrium, torn, turned_bonds
 from .trust_region import trust_region
 
 SOLVERS = ("newton", "newton_krylov", "trust_region", "relaxation")
@@ -47,7 +47,7 @@ def _predict(scene: Scene, method: str, q: Array, factor: float, step: float) ->
         return q
 
 
-def _check(scene, method, tolerance, step, smallest_step, predictor) -> None:
+def _check(scene, method, tolerance, step, smallest_step, predictor) -> float:
     if not isinstance(scene, Scene):
         raise ValueError(f"scene must be a Scene (pdjax.scene or pdjax.scenes); got {type(scene).__name__}")
     choice("method", method, SOLVERS)
@@ -56,6 +56,7 @@ def _check(scene, method, tolerance, step, smallest_step, predictor) -> None:
         raise ValueError(f"tolerance must lie between 0 and 1; got {tolerance}")
     if not (0 < smallest_step <= step <= 1):
         raise ValueError(f"need 0 < smallest_step <= step <= 1; got step {step}, smallest_step {smallest_step}")
+    return tolerance
 
 
 def solve(
@@ -66,7 +67,7 @@ def solve(
     step: float = 1.0,
     smallest_step: float = 1e-3,
     predictor: str = "none",
-    tolerance: float = 1e-10,
+    tolerance: float | None = None,
     max_iterations: int | None = None,
     stability: bool = True,
     throw: bool = False,
@@ -77,12 +78,15 @@ def solve(
         (optimistix dogleg, dense, runs under jit and vmap), "relaxation" (adaptive dynamic relaxation); start
         (points, dim) [length], zero by default; step: first load step [-], 1 for all at once; smallest_step: where
         halving ends; predictor "none" (the free points wait, as in the paper's experiment) or "tangent"; tolerance of
-        the relative residual; max_iterations a load step; stability: look at the spectrum at the end; throw: raise
-        where it does not converge.
-    Returns: `Equilibrium`. Its u has exact first derivatives, forward and reverse, in all that the scene was made of.
+        the relative residual (1e-10, in float32 1e-5); max_iterations a load step; stability: look at the spectrum at
+        the end; throw: raise where it does not converge.
+    Returns: `Equilibrium`. Its u has exact first and second derivatives, forward and reverse, in all that the
+        scene was made of; NaN where it did not converge.
     Raises: ValueError for bad arguments; RuntimeError with the reason if `throw` and not converged.
     """
-    _check(scene, method, tolerance, step, smallest_step, predictor)
+    if tolerance is None and isinstance(scene, Scene):
+        tolerance = 1e-10 if scene.prescribed.dtype == jnp.float64 else 1e-5  # rounding leaves 1e-15 to 1e-11, 1e-7
+    tolerance = _check(scene, method, tolerance, step, smallest_step, predictor)
     most = ITERATIONS[method] if max_iterations is None else max_iterations
     if start is None:
         q = jnp.zeros(scene.unknowns.shape[0], scene.prescribed.dtype)
@@ -99,6 +103,8 @@ def solve(
         target = 1.0 if size == 1.0 - factor else factor + size
         trial = _predict(quiet, method, q, factor, size) if predictor == "tangent" else q
         new, code, residuals = _attempt(quiet, method, trial, target, tolerance, most)
+        if code == CONVERGED and bool(torn(quiet.families, quiet.displacement(new, target))):
+            code = FLOWN
         history += residuals
         iterations += (len(residuals) - 1) * (CHUNK if method == "relaxation" else 1)
         if code == CONVERGED:
@@ -109,18 +115,19 @@ def solve(
         if size / 2 < smallest_step:
             failed = f"from load factor {factor:.6g} to {target:.6g}"
             if factor == 0.0 and size == 1.0:
-                q = new  # one step, not cut: what it reached is what is asked about
-            elif code not in (SINGULAR, NOT_FINITE):
+                q, factor = new, 1.0  # one step, not cut: what it reached is what is asked about
+            elif code not in (SINGULAR, NOT_FINITE, FLOWN):
                 code = STEP_TOO_SMALL
             break
         step = size / 2
-    if factor == 0.0 and failed is not None and smallest_step > 0.5:
-        factor = 1.0  # the state belongs to the full load, though it is no equilibrium
     u = scene.displacement(q, factor)
-    if code == CONVERGED and is_differentiated(scene):
-        u = scene.displacement(attach(scene, q, factor), factor)
+    if is_differentiated(scene):
+        if code == CONVERGED:
+            u = scene.displacement(attach(scene, q, factor), factor)
+        u = without_derivative(u, leaves_sum(scene), jnp.asarray(code != CONVERGED))
     at = quiet.displacement(q, factor)
-    look = stability and scene.model.hyperelastic and bool(jnp.isfinite(at).all())
+    sound = bool(jnp.isfinite(residual_and_scale(quiet, q, factor)[1]))
+    look = stability and scene.model.hyperelastic and sound
     result = Equilibrium(
         u,
         jnp.asarray(factor, q.dtype),
@@ -141,10 +148,13 @@ def _traced(scene: Scene, quiet: Scene, q: Array, tolerance, most: int) -> Equil
     """One step at full load, wholly in JAX; its derivative is a dense implicit solve."""
     q, code, history = trust_region(quiet, q, 1.0, tolerance, most)
     q = jax.lax.stop_gradient(q)
-    A = jax.jacfwd(lambda p: residual_of(quiet, p, 1.0))(q)
-    r = residual_of(scene, q, 1.0)
-    q = q - jnp.linalg.solve(A, r - jax.lax.stop_gradient(r))
+    for _ in range(2):  # Newton from the root: the implicit function theorem, exact to second order
+        A = jax.jacfwd(lambda p: residual_of(scene, p, 1.0))(q)
+        r = residual_of(scene, q, 1.0)
+        q = q - jnp.linalg.solve(A, r - jax.lax.stop_gradient(r))
     u = scene.displacement(q, 1.0)
+    code = jnp.where((code == CONVERGED) & torn(quiet.families, u), FLOWN, code)
+    u = without_derivative(u, leaves_sum(scene), code != CONVERGED)
     used = jnp.sum(jnp.isfinite(history)) - 1
     turned = turned_bonds(quiet.families, u)
     return Equilibrium(u, jnp.ones((), q.dtype), history, used, code, turned, None, None, "trust_region")

@@ -13,7 +13,7 @@ import optimistix as optx
 from jaxtyping import Array
 
 from ..problem import Scene
-from ..reduced import residual_of
+from ..reduced import residual_and_scale, residual_of
 from .result import CONVERGED, NOT_FINITE, OUT_OF_STEPS
 
 LARGEST = 4000  # unknowns: a dense matrix of 128 MB
@@ -33,11 +33,8 @@ def trust_region(scene: Scene, q: Array, factor, tolerance, max_iterations: int)
         return residual_of(scene, p, factor), None
 
     def relative(p):
-        forces = scene.unbalanced(scene.displacement(p, factor), factor)
-        applied = factor * scene.families.volumes[:, None] * scene.load
-        scale = jnp.maximum(jnp.linalg.norm(forces - applied), jnp.linalg.norm(applied))
-        r = jnp.linalg.norm(forces.reshape(-1)[scene.unknowns])
-        return r / jnp.where(scale > 0, scale, 1.0)
+        r, scale = residual_and_scale(scene, p, factor)
+        return jnp.linalg.norm(r) / jnp.where(scale > 0, scale, 1.0)
 
     solver: Any = optx.Dogleg(rtol=1e-14, atol=1e-300, linear_solver=lx.AutoLinearSolver(well_posed=None))
     tags: frozenset[object] = frozenset()
