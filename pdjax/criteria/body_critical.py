@@ -21,7 +21,7 @@ import scipy.sparse.linalg as sla
 
 from ..problem import Scene, still
 from ..reduced import Factor, Singular, as_operator, count_positive, matrix, product_rate, unknown_volumes
-from .body import _full, _need_energy, _norm, _scaled, _tolerance
+from .body import _full, _need_energy, _norm, _scaled, _tolerance, nearest
 
 PROOF = 1e-6  # relative distance of the two proving factors
 MOST = 60
@@ -51,9 +51,8 @@ class BodyCritical(eqx.Module):
 
 
 def _near_zero(A: Any, factor: Factor, start: np.ndarray | None) -> tuple[float, np.ndarray]:
-    """The eigenpair of A nearest zero, by Lanczos on its inverse."""
-    inverse = sla.LinearOperator(A.shape, matvec=factor.solve, dtype=float)
-    values, vectors = sla.eigsh(A, k=1, sigma=0.0, OPinv=inverse, v0=start, tol=1e-9)
+    """The eigenpair of A nearest zero."""
+    values, vectors = nearest(A, factor, 0.0, 1, start)
     return float(values[0]), vectors[:, 0]
 
 
