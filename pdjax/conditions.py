@@ -8,8 +8,9 @@ A nonlocal body has no surface to pull on, so a traction is a body force over a 
     exact     b_i = −f_i(F)                the layer's own internal force under x = F X
 
 The second keeps the homogeneous state F an exact equilibrium where the layer is two horizons deep (two rings of
-neighbours feel a surface); its sum over the layer is P N A, the classical traction times the area of the face. The
-first has the same sum and disturbs the strain near it. Source of the idea of layers: Silling & Askari 2005.
+neighbours feel a surface); its sum over the layer is P N A, the classical traction times the area of the face (where
+the layer ends at free sides, it also holds those in place). The first has the same sum and disturbs the strain near
+it. Source of the idea of layers: Silling & Askari 2005.
 """
 
 from typing import Any, NamedTuple

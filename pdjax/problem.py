@@ -171,6 +171,14 @@ def _rigid_motions(positions: np.ndarray, periodic: bool) -> tuple[np.ndarray, l
     return np.array(motions), names
 
 
+def _name_motions(loose: np.ndarray, names: list[str], dim: int) -> list[str]:
+    """Names of free motions (motions, coefficients): what turns at all is a rotation, about some held point."""
+    turning = np.abs(loose[:, dim:]) > 1e-6
+    found = {int(np.argmax(np.abs(row[:dim]))) for row in loose[~turning.any(axis=1)]}
+    found |= {dim + int(np.argmax(np.abs(row[dim:]))) for row in loose[turning.any(axis=1)]}
+    return [names[k] for k in sorted(found)]
+
+
 def _check_held(body: Points, fams: Families, held: np.ndarray) -> None:
     """Refuse rigid motions that nothing holds, by name, piece by piece; under a transformation it can't look."""
     if not is_concrete(fams):
@@ -191,7 +199,7 @@ def _check_held(body: Points, fams: Families, held: np.ndarray) -> None:
         _, grip, directions = np.linalg.svd(np.concatenate([square, np.zeros((len(basis), len(basis)))]))
         loose = directions[grip <= 1e-9 * np.sqrt(max(1, at_held.shape[1]) / flat.shape[1])] @ basis
         if len(loose):
-            names = [names[k] for k in sorted({int(np.argmax(np.abs(row))) for row in loose})]
+            names = _name_motions(loose, names, body.dim)
             where = "the body" if pieces == 1 else f"piece {piece + 1} of {pieces} (the one of point {inside[0]})"
             raise ValueError(
                 f"{where} is under-constrained: nothing holds its {', '.join(names)}"

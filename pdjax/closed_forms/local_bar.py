@@ -90,24 +90,22 @@ def singular_bar_local(model: AbstractModel, x, length, stress, alpha=10.0) -> t
     softness = 1 + alpha / (2 * jnp.sqrt(jnp.where(beyond, square, 1.0)))
     end = _branch_end(jax.lax.stop_gradient(model), stress)
 
-    def strain(t):
-        """e at x/L = ½ + t², the end of the branch where there is no solution."""
-        e = local_strain_of_stress(model, stress * (1 + alpha / (2 * t)))
-        return jnp.where(jnp.isnan(e), end, e)
-
     # ∫ e dx = ∫ 2 t e dt panel by panel, from point to point; the first one from 0 in y, t = t₁ y³, for e grows there
     t = jnp.sqrt(square)
     before = jnp.concatenate([jnp.zeros(1), t[:-1]])
     first = beyond & (before == 0)
-    nodes, weights = np.polynomial.legendre.leggauss(12)
+    inner, share = np.polynomial.legendre.leggauss(12)
     left, width = jnp.where(first | ~beyond, 1.0, before), jnp.where(first | ~beyond, 0.0, t - before)
-    at = left[:, None] + width[:, None] * (nodes + 1) / 2
-    panel = (weights / 2 * 2 * at * strain(at)).sum(axis=1) * width
-    nodes, weights = np.polynomial.legendre.leggauss(128)
-    y = (nodes + 1) / 2
+    panels = left[:, None] + width[:, None] * (inner + 1) / 2
+    outer, weight = np.polynomial.legendre.leggauss(128)
+    y = (outer + 1) / 2
     start = jnp.max(jnp.where(first, t, 0.0))
-    at = jnp.where(start > 0, start, 1.0) * y**3
-    opening = jnp.sum(weights / 2 * 6 * y**2 * at * strain(at)) * start
-    grown = jnp.cumsum(jnp.where(first, opening, panel)) * length
-    e = local_strain_of_stress(model, jnp.concatenate([jnp.ones(1), jnp.where(beyond, softness, 1.0)]) * stress)
-    return e[0] * jnp.minimum(x, length / 2) + jnp.where(beyond, grown, 0.0), e[1:]
+    opening = jnp.where(start > 0, start, 1.0) * y**3
+    places = jnp.concatenate([panels.reshape(-1), opening])
+    soft = jnp.concatenate([1 + alpha / (2 * places), jnp.where(beyond, softness, 1.0), jnp.ones(1)])
+    found = local_strain_of_stress(model, stress * soft)
+    e = jnp.where(jnp.isnan(found[: len(places)]), end, found[: len(places)])  # none there: the end of the branch
+    panel = (share / 2 * 2 * panels * e[: panels.size].reshape(panels.shape)).sum(axis=1) * width
+    first_panel = jnp.sum(weight / 2 * 6 * y**2 * opening * e[panels.size :]) * start
+    grown = jnp.cumsum(jnp.where(first, first_panel, panel)) * length
+    return found[-1] * jnp.minimum(x, length / 2) + jnp.where(beyond, grown, 0.0), found[len(places) : -1]

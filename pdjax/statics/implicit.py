@@ -6,6 +6,8 @@ No iteration is differentiated: at the solution, linear solves with A (forward) 
 factor, kept on the host. Exact to second order.
 """
 
+from typing import Any
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -25,7 +27,7 @@ def attach(scene: Scene, q: Array, factor) -> Array:
     root = jax.lax.stop_gradient(q)
     lu = Factor(matrix(quiet, quiet.displacement(root, factor), factor), scene.model.hyperelastic)
 
-    def solved(b: np.ndarray, transposed: bool) -> np.ndarray:
+    def solved(b: Any, transposed: bool) -> np.ndarray:
         columns = np.asarray(b).reshape(-1, b.shape[-1]).T
         return lu.solve(columns, transposed).T.reshape(b.shape).astype(b.dtype)
 
