@@ -31,9 +31,9 @@ def orders(x, y) -> float:
 
 def main() -> None:
     plates, bars = pd.scenes.manufactured_plate, pd.scenes.singular_bar
-    plate_delta = {N: [(N / n, error(plates(n, N))) for n in (20, 28, 40, 56, 80) if n > 4 * N] for N in (1, 2, 3)}
+    plate_delta = {N: [(N / n, error(plates(n, N))) for n in (20, 28, 40, 56, 80) if n > 4 * N] for N in (1.5, 2, 3)}
     plate_n = {
-        round(1 / delta): [(N, error(plates(round(N / delta), N))) for N in (1, 2, 3, 4, 5)]
+        round(1 / delta): [(N, error(plates(round(N / delta), N))) for N in (1.5, 2, 3, 4, 5)]
         for delta in (1 / 10, 1 / 20)
     }
     bar_delta = {N: [(N / n, error(bars(n, N, 1e-3))) for n in (64, 128, 256, 512, 1024)] for N in (1, 2, 3)}

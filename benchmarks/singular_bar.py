@@ -72,7 +72,7 @@ def draw(numbers: dict) -> Figure:
         rows = [r for r in every if r["converged"]]
         lost = [str(r["n"]) for r in every if not r["converged"]]
         label = f"tension, N = {N}: order {order(rows):.2f}" + (
-            f" (Newton stalls at {', '.join(lost)})" if lost else ""
+            f" (stalls at {', '.join(lost)})" if lost else ""
         )
         x, y = [r["n"] for r in rows], [r["error, nonlinear local"] for r in rows]
         left.loglog(x, y, "o-", markersize=3, label=label)
@@ -85,8 +85,8 @@ def draw(numbers: dict) -> Figure:
     left.loglog([r["n"] for r in three], [r["error, printed"] for r in three], "k:", label="N = 3, from printed")
     left.set_xlabel("points n  [–]")
     left.set_ylabel("error of u from the local solution  [–]")
-    left.set_ylim(5e-3, 4)
-    left.legend(frameon=False, fontsize=7, loc="upper right", ncols=2)
+    left.set_ylim(5e-3, 8)
+    left.legend(frameon=False, fontsize=7, loc="upper right")
     for name, rows in numbers["methods, tension, N = 3"].items():
         x, y = [r["seconds"] for r in rows], [r["error, nonlinear local"] for r in rows]
         right.loglog(x, y, "o-", color=METHODS[name], markersize=3, label=name.replace("_", "–"))
