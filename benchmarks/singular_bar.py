@@ -71,9 +71,7 @@ def draw(numbers: dict) -> Figure:
     for N, every in numbers["tension by N"].items():
         rows = [r for r in every if r["converged"]]
         lost = [str(r["n"]) for r in every if not r["converged"]]
-        label = f"tension, N = {N}: order {order(rows):.2f}" + (
-            f" (stalls at {', '.join(lost)})" if lost else ""
-        )
+        label = f"tension, N = {N}: order {order(rows):.2f}" + (f" (stalls at {', '.join(lost)})" if lost else "")
         x, y = [r["n"] for r in rows], [r["error, nonlinear local"] for r in rows]
         left.loglog(x, y, "o-", markersize=3, label=label)
     for r in numbers["compression, N = 3"]:
