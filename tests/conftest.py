@@ -1,5 +1,7 @@
 """Float64 for every test, shapes and types checked at every call, and one compiled cache of JAX functions."""
 
+from pathlib import Path
+
 import jax
 import pytest
 from hypothesis import settings
@@ -9,6 +11,15 @@ jax.config.update("jax_enable_x64", True)
 install_import_hook("pdjax", "typecheck.checked")  # before pdjax is imported anywhere
 settings.register_profile("pdjax", deadline=None, max_examples=20, derandomize=True)
 settings.load_profile("pdjax")
+
+
+@pytest.fixture(scope="module", autouse=True)
+def few_memory_maps():
+    """Every compiled function maps memory, and a process may hold 65530 maps: forget them before LLVM aborts."""
+    yield
+    maps = Path("/proc/self/maps")
+    if maps.exists() and maps.read_bytes().count(b"\n") > 20_000:
+        jax.clear_caches()
 
 
 @pytest.fixture(scope="session")
