@@ -31,16 +31,10 @@ def orders(x, y) -> float:
 
 def main() -> None:
     plates, bars = pd.scenes.manufactured_plate, pd.scenes.singular_bar
-    plate_delta = {N: [(N / n, error(plates(n, N))) for n in (20, 40, 80)] for N in (2, 3)}
-    plate_n = {
-        round(1 / delta): [(N, error(plates(round(N / delta), N))) for N in (2, 3, 4, 5)]
-        for delta in (1 / 10, 1 / 20)
-    }
-    bar_delta = {N: [(N / n, error(bars(n, N, 1e-3))) for n in (64, 256, 1024)] for N in (2, 3)}
-    bar_n = {
-        round(1 / delta): [(N, error(bars(round(N / delta), N, 1e-3))) for N in (1, 2, 4, 8, 16)]
-        for delta in (1 / 32,)
-    }
+    plate_delta = {N: [(N / n, error(plates(n, N))) for n in (20, 40, 80)] for N in (2,)}
+    plate_n = {round(1 / delta): [(N, error(plates(round(N / delta), N))) for N in (2, 3, 4)] for delta in (1 / 10,)}
+    bar_delta = {N: [(N / n, error(bars(n, N, 1e-3))) for n in (64, 256)] for N in (3,)}
+    bar_n = {round(1 / delta): [(N, error(bars(round(N / delta), N, 1e-3))) for N in (1, 2, 4)] for delta in (1 / 32,)}
     figure = Figure(figsize=(10.4, 4.4), layout="constrained")
     left, right = figure.subplots(1, 2)
     palette = ["#000000", COLOURS["diagonal"], COLOURS["local"]]
