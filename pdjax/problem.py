@@ -256,6 +256,6 @@ def scene(
 
 
 def still(scene: Scene) -> Any:
-    """The scene with no derivative flowing through it; ValueError where its values can't be looked at."""
+    """The scene with no derivative flowing through it."""
     frozen = jax.lax.stop_gradient(eqx.filter(scene, eqx.is_array))
     return eqx.combine(frozen, eqx.filter(scene, eqx.is_array, inverse=True))

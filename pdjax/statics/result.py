@@ -1,6 +1,7 @@
 """What a static solver says: the displacement it reached, how far and why it stopped, and what the equilibrium is.
 
-The residual is relative: ‖r‖ over the larger of the internal forces (reactions included) and the applied ones.
+The residual is relative: ‖r‖ over the largest of the internal forces (reactions included), the applied ones and the
+root mean square over points of the forces of their bonds (`pdjax.reduced.residual_and_scale`).
 """
 
 import equinox as eqx
