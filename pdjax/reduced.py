@@ -92,9 +92,8 @@ def product_rate(scene: Scene, u, factor, du, v) -> Float[Array, " unknowns"]:
 def matrix(scene: Scene, u, factor=1.0) -> sp.csc_array:
     """A (unknowns, unknowns) at the displacement u, sparse; made exactly symmetric for a model with an energy."""
     J = jacobian(scene.model, scene.families, u, "sparse", scene.mean_deformation(factor))
-    V = np.repeat(np.asarray(scene.families.volumes), scene.families.dim)
     keep = np.asarray(scene.unknowns)
-    A = (sp.diags_array(V[keep]) @ J[keep][:, keep]).tocsc()
+    A = (sp.diags_array(unknown_volumes(scene)) @ J[keep][:, keep]).tocsc()
     return (0.5 * (A + A.T)).tocsc() if scene.model.hyperelastic else A
 
 
