@@ -65,7 +65,7 @@ def _parser() -> argparse.ArgumentParser:
     common.add_argument("--resolution", type=int, help="grid intervals over half the Brillouin zone (default 8 N)")
     common.add_argument("--json", action="store_true", help="print one JSON object instead of text")
 
-    jobs: Any = parser.add_subparsers(dest="job", required=True, metavar="job")
+    jobs = parser.add_subparsers(dest="job", required=True, metavar="job")
     job = jobs.add_parser(
         "map",
         parents=[common],
