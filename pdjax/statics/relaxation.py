@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Array
 
 from ..problem import Scene
-from ..reduced import matrix, residual_and_scale
+from ..reduced import matrix, residual_and_scale, residual_of
 from .result import CONVERGED, NOT_FINITE, OUT_OF_STEPS
 
 CHUNK = 200  # steps between two looks at the residual
@@ -26,7 +26,7 @@ def _advance(scene: Scene, mass, factor, q, v, old) -> tuple[Array, Array, Array
     """CHUNK steps from (q, v, acceleration of the step before)."""
 
     def acceleration(q):
-        return residual_and_scale(scene, q, factor)[0] / mass
+        return residual_of(scene, q, factor) / mass
 
     def step(carry, _):
         q, v, old = carry
