@@ -62,6 +62,11 @@ def residual_and_scale(scene: Scene, q, factor) -> tuple[Array, Array]:
     return forces.reshape(-1)[scene.unknowns], jnp.maximum(scale, jnp.sqrt(jnp.mean(pull**2)))
 
 
+def relative(size, scale) -> Array:
+    """A residual's size by its scale; 0 where both are 0, and a size by no scale is infinite: it never converged."""
+    return size / jnp.where((size == 0) & (scale == 0), 1.0, scale)
+
+
 @_kernel
 def product(scene: Scene, q, factor, v) -> Float[Array, " unknowns"]:
     """A v by JVP."""

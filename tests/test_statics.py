@@ -166,6 +166,13 @@ def test_iterations_that_run_out_are_said():
     assert not found.converged and "the iterations ran out" in found.reason
 
 
+@pytest.mark.parametrize("method", METHODS)
+def test_a_collapsed_start_is_no_equilibrium(method):
+    """Both points in one place: forces and their scale are NaN, and no method takes that for a residual of zero."""
+    found = pd.solve(pair(), method, start=[[0.0], [-1.0]], smallest_step=1.0)
+    assert not found.converged and "the residual is not finite" in found.reason and found.stability is None
+
+
 @pytest.mark.parametrize(
     "arguments, named",
     [

@@ -15,7 +15,7 @@ from jaxtyping import Float
 
 from .._checks import choice
 from ..problem import Scene, still
-from ..reduced import Factor, Singular, load_rate, matrix, residual_and_scale
+from ..reduced import Factor, Singular, load_rate, matrix, relative, residual_and_scale
 from .result import CONVERGED, OUT_OF_STEPS, REASONS, SINGULAR, STEP_TOO_SMALL
 
 NEWTON = 12
@@ -107,7 +107,7 @@ def _correct(scene, q0, factor0, t_q, t_factor, arc, theta2, tolerance):
     for iteration in range(NEWTON):
         r, scale = residual_and_scale(scene, q, factor)
         gap = theta2 * t_q @ np.asarray(q - q0) + t_factor * (factor - factor0) - arc
-        size = float(jnp.linalg.norm(r) / scale) if scale > 0 else 0.0
+        size = float(relative(jnp.linalg.norm(r), scale))
         if not np.isfinite(size):
             return None
         if size <= tolerance and abs(gap) <= 1e-8 * arc:

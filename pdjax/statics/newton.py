@@ -20,7 +20,7 @@ import scipy.sparse.linalg as sla
 from jaxtyping import Array
 
 from ..problem import Scene
-from ..reduced import Factor, Singular, as_operator, matrix, product, residual_and_scale
+from ..reduced import Factor, Singular, as_operator, matrix, product, relative, residual_and_scale
 from .result import CONVERGED, NO_DECREASE, NOT_FINITE, OUT_OF_STEPS, SINGULAR
 
 HALVINGS = 25
@@ -74,11 +74,12 @@ def newton(
 
     def measure(q):
         r, scale = residual_and_scale(scene, q, factor)
-        return np.asarray(r), float(scale), float(jnp.linalg.norm(r))
+        size = jnp.linalg.norm(r)
+        return np.asarray(r), float(size), float(relative(size, scale))
 
-    r, scale, size = measure(q)
+    r, size, left = measure(q)
     for _ in range(max_iterations):
-        history.append(size / scale if scale > 0 else size)
+        history.append(left)
         if not np.isfinite(history[-1]):
             return q, NOT_FINITE, history
         if history[-1] <= tolerance:
@@ -89,12 +90,12 @@ def newton(
             return q, SINGULAR, history
         length = 1.0
         for _ in range(HALVINGS):
-            r_new, scale, size_new = measure(q + length * step)
+            r_new, size_new, left = measure(q + length * step)
             if size_new <= (1 - 1e-4 * length) * size:
                 break
             length *= 0.5
         else:
             return q, NO_DECREASE, history
         q, r, size = q + length * step, r_new, size_new
-    history.append(size / scale if scale > 0 else size)
+    history.append(left)
     return q, CONVERGED if history[-1] <= tolerance else OUT_OF_STEPS, history

@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Array
 
 from ..problem import Scene
-from ..reduced import matrix, residual_and_scale, residual_of
+from ..reduced import matrix, relative, residual_and_scale, residual_of
 from .result import CONVERGED, NOT_FINITE, OUT_OF_STEPS
 
 CHUNK = 200  # steps between two looks at the residual
@@ -57,7 +57,7 @@ def relaxation(
     )
     factor_array = jnp.asarray(factor, q.dtype)
     r, scale = residual_and_scale(scene, q, factor_array)
-    history = [float(jnp.linalg.norm(r) / scale) if scale > 0 else 0.0]
+    history = [float(relative(jnp.linalg.norm(r), scale))]
     v, old = jnp.zeros_like(q), jnp.zeros_like(q)
     worst, left = 4 * float(jnp.linalg.norm(r)), HEAVIER
     while history[-1] > tolerance and (len(history) - 1) * CHUNK < max_iterations:
@@ -68,5 +68,7 @@ def relaxation(
             mass, left, v, old = 4 * mass, left - 1, jnp.zeros_like(q), jnp.zeros_like(q)
             continue
         q, v, old = after
-        history.append(float(size / scale) if scale > 0 else 0.0)
+        history.append(float(relative(size, scale)))
+    if not np.isfinite(history[-1]):
+        return q, NOT_FINITE, history
     return q, CONVERGED if history[-1] <= tolerance else OUT_OF_STEPS, history

@@ -13,7 +13,7 @@ import optimistix as optx
 from jaxtyping import Array
 
 from ..problem import Scene
-from ..reduced import residual_and_scale, residual_of
+from ..reduced import relative, residual_and_scale, residual_of
 from .result import CONVERGED, NOT_FINITE, OUT_OF_STEPS
 
 LARGEST = 4000  # unknowns: a dense matrix of 128 MB
@@ -32,16 +32,16 @@ def trust_region(scene: Scene, q: Array, factor, tolerance, max_iterations: int)
     def fn(p, _):
         return residual_of(scene, p, factor), None
 
-    def relative(p):
+    def measure(p):
         r, scale = residual_and_scale(scene, p, factor)
-        return jnp.linalg.norm(r) / jnp.where(scale > 0, scale, 1.0)
+        return relative(jnp.linalg.norm(r), scale)
 
     solver: Any = optx.Dogleg(rtol=1e-14, atol=1e-300, linear_solver=lx.AutoLinearSolver(well_posed=None))
     tags: frozenset[object] = frozenset()
     struct = jax.eval_shape(fn, q, None)
     start = solver.init(fn, q, None, {}, struct[0], struct[1], tags)
     dynamic, static = eqx.partition(start, eqx.is_array)
-    history = jnp.full(max_iterations + 1, jnp.nan, q.dtype).at[0].set(relative(q))
+    history = jnp.full(max_iterations + 1, jnp.nan, q.dtype).at[0].set(measure(q))
 
     def go_on(carry):
         _, _, history, n = carry
@@ -50,7 +50,7 @@ def trust_region(scene: Scene, q: Array, factor, tolerance, max_iterations: int)
     def step(carry):
         q, dynamic, history, n = carry
         q, state, _ = solver.step(fn, q, None, {}, eqx.combine(dynamic, static), tags)
-        return q, eqx.filter(state, eqx.is_array), history.at[n + 1].set(relative(q)), n + 1
+        return q, eqx.filter(state, eqx.is_array), history.at[n + 1].set(measure(q)), n + 1
 
     q, _, history, n = jax.lax.while_loop(go_on, step, (q, dynamic, history, jnp.zeros((), int)))
     code = jnp.where(history[n] <= tolerance, CONVERGED, jnp.where(jnp.isfinite(history[n]), OUT_OF_STEPS, NOT_FINITE))
