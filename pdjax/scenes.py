@@ -39,6 +39,12 @@ def _ratio(N) -> float:
     return float(N)
 
 
+def _on_rim(shape: tuple[int, ...], rim: int) -> np.ndarray:
+    """Which cells (cells,) of a lattice lie within `rim` of its border."""
+    cell = np.indices(shape).reshape(len(shape), -1)
+    return np.any((cell < rim) | (cell >= np.array(shape)[:, None] - rim), axis=0)
+
+
 def step_size_bar(n: int, N: float = 3, strain=-1e-3, clamp: int = 6, model: AbstractModel | None = None) -> Scene:
     """The bar of the paper's step-size experiment: ends prescribed at once, the rest starts at u = 0.
 
@@ -130,13 +136,12 @@ def clamped_plate(shape, N: float, F, model: AbstractModel, spacing: float | Non
     F = deformation_gradient(F, body.dim)
     X = jnp.asarray(body.positions) - 0.5 * h * jnp.asarray(shape)
     u = X @ (F - jnp.eye(body.dim)).T
-    cell = np.indices(shape).reshape(len(shape), -1)
-    held = ((cell < rim) | (cell >= np.array(shape)[:, None] - rim)).any(axis=0)
+    held = np.flatnonzero(_on_rim(shape, rim))
     return scene(
         body,
         families(body, N * h),
         model,
-        conditions.prescribe(held, u[np.flatnonzero(held)]),
+        conditions.prescribe(held, u[held]),
         closed_form=u,
         name="clamped plate",
     )
@@ -172,15 +177,14 @@ def manufactured_plate(
         return jax.grad(model.local_energy)(jnp.eye(2) + jax.jacfwd(wanted)(X))
 
     force = jax.jit(lambda X: jax.lax.map(lambda x: -jnp.einsum("ijj->i", jax.jacfwd(piola)(x)), X, batch_size=256))(X)
-    cell = np.indices((n, n)).reshape(2, -1)
-    held = ((cell < rim) | (cell >= n - rim)).any(axis=0)
+    on_rim = _on_rim((n, n), rim)
+    held, inside = np.flatnonzero(on_rim), np.flatnonzero(~on_rim)
     u = jax.vmap(wanted)(X)
-    inside = np.flatnonzero(~held)
     return scene(
         body,
         families(body, N / n),
         model,
-        conditions.prescribe(held, u[np.flatnonzero(held)]),
+        conditions.prescribe(held, u[held]),
         conditions.body_force(inside, force[inside]),
         closed_form=u,
         name="manufactured plate",
