@@ -280,7 +280,15 @@ def test_a_monotone_path_ends_at_the_solution():
     assert worst(path.u[-1], found.u) / worst(found.u) < 1e-9  # measured 3e-11
 
 
+class NoEnergy(pd.SethHill):
+    """A model that denies its energy."""
+
+    hyperelastic = False
+
+
 def test_a_path_refuses_what_it_cannot_follow():
     for wrong in ({"arc": 0.0}, {"arc": 0.3, "largest_arc": 0.2}, {"states": 0}):
         with pytest.raises(ValueError, match="need 0 < arc <= largest_arc and states >= 1"):
             pd.equilibrium_path(pair(), **wrong)
+    with pytest.raises(ValueError, match="NoEnergy has no energy"):
+        pd.equilibrium_path(pair.__wrapped__(model=NoEnergy(0.0, UNIT)))

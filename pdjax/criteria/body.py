@@ -104,7 +104,7 @@ def _full(scene: Scene, w: np.ndarray, root: np.ndarray) -> np.ndarray:
     return v.reshape(scene.prescribed.shape)
 
 
-def _need_energy(scene: Scene) -> None:
+def need_energy(scene: Scene) -> None:
     if not scene.model.hyperelastic:
         raise ValueError(f"{type(scene.model).__name__} has no energy: its Jacobian is not symmetric in any volumes")
 
@@ -171,7 +171,7 @@ def body_spectrum(scene: Scene, u=None, count: int | None = None, factor: float 
     Raises: ValueError for a model without an energy, or no u where the scene has no closed form.
     """
     choice("method", method, METHODS)
-    _need_energy(scene)
+    need_energy(scene)
     u = _state(scene, u, factor)
     size = len(np.asarray(scene.unknowns))
     force = np.asarray(residual_and_scale(scene, u.reshape(-1)[scene.unknowns], factor)[0])
@@ -244,7 +244,7 @@ def body_inertia(scene: Scene, u=None, factor: float = 1.0) -> int:
 
     Arguments, errors: as `body_stability`.
     """
-    _need_energy(scene)
+    need_energy(scene)
     u = _state(scene, u, factor)
     H = _scaled(matrix(scene, u, factor), np.sqrt(unknown_volumes(scene)))
     return count_positive((H - _tolerance(_norm(H), u.dtype) * sp.eye_array(H.shape[0])).tocsc())

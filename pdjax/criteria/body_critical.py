@@ -21,7 +21,7 @@ import scipy.sparse.linalg as sla
 
 from ..problem import Scene, still
 from ..reduced import Factor, Singular, as_operator, count_positive, matrix, product_rate, unknown_volumes
-from .body import _full, _need_energy, _norm, _scaled, _tolerance, nearest
+from .body import _full, _norm, _scaled, _tolerance, nearest, need_energy
 
 PROOF = 1e-6  # relative distance of the two proving factors
 MOST = 60
@@ -68,7 +68,7 @@ def body_critical_load(
     Instability that comes and goes between two factors is not seen.
     Returns: `BodyCritical`. Raises: ValueError without a path or closed form, or for a model without an energy.
     """
-    _need_energy(scene)
+    need_energy(scene)
     if path is None:
         if scene.closed_form is None:
             raise ValueError("this scene has no closed form: pass a path, load factor -> u (points, dim)")

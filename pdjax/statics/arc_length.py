@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from .._checks import choice
+from ..criteria.body import need_energy
 from ..problem import Scene, still
 from ..reduced import Factor, Singular, load_rate, matrix, relative, residual_and_scale
 from .result import CONVERGED, OUT_OF_STEPS, REASONS, SINGULAR, STEP_TOO_SMALL
@@ -54,7 +54,7 @@ def equilibrium_path(
     """
     if not (0 < arc <= largest_arc and states >= 1):
         raise ValueError(f"need 0 < arc <= largest_arc and states >= 1; got {arc}, {largest_arc}, {states}")
-    choice("model.hyperelastic", str(scene.model.hyperelastic), ("True",))
+    need_energy(scene)
     scene = still(scene)
     q = jnp.zeros(scene.unknowns.shape[0], scene.prescribed.dtype)
     factor = 0.0
