@@ -66,8 +66,3 @@ def leaves_sum(scene: Scene) -> Array:
     """A number that depends on every real leaf of the scene."""
     leaves = [x for x in jax.tree.leaves(scene) if eqx.is_inexact_array(x)]
     return sum((jnp.sum(x) for x in leaves), jnp.zeros(()))
-
-
-def is_differentiated(scene: Scene) -> bool:
-    """True if a derivative is flowing through the scene."""
-    return any(isinstance(leaf, jax.core.Tracer) for leaf in jax.tree.leaves(scene))

@@ -15,7 +15,7 @@ from .._checks import choice, is_concrete
 from ..criteria.body import body_stability
 from ..problem import Scene, still
 from ..reduced import Singular, load_rate, residual_and_scale, residual_of
-from .implicit import attach, is_differentiated, leaves_sum, without_derivative
+from .implicit import attach, leaves_sum, without_derivative
 from .newton import direct, krylov, newton
 from .relaxation import CHUNK, relaxation
 from .result import CONVERGED, FLOWN, NOT_FINITE, SINGULAR, STEP_TOO_SMALL, Equilibrium, torn, turned_bonds
@@ -47,7 +47,7 @@ def _predict(scene: Scene, method: str, q: Array, factor: float, step: float) ->
         return q
 
 
-def _check(scene, method, tolerance, step, smallest_step, predictor) -> float:
+def _check(scene, method, tolerance, step, smallest_step, predictor) -> None:
     if not isinstance(scene, Scene):
         raise ValueError(f"scene must be a Scene (pdjax.scene or pdjax.scenes); got {type(scene).__name__}")
     choice("method", method, SOLVERS)
@@ -56,7 +56,6 @@ def _check(scene, method, tolerance, step, smallest_step, predictor) -> float:
         raise ValueError(f"tolerance must lie between 0 and 1; got {tolerance}")
     if not (0 < smallest_step <= step <= 1):
         raise ValueError(f"need 0 < smallest_step <= step <= 1; got step {step}, smallest_step {smallest_step}")
-    return tolerance
 
 
 def solve(
@@ -86,7 +85,7 @@ def solve(
     """
     if tolerance is None and isinstance(scene, Scene):
         tolerance = 1e-10 if scene.prescribed.dtype == jnp.float64 else 1e-5  # rounding leaves 1e-15 to 1e-11, 1e-7
-    tolerance = _check(scene, method, tolerance, step, smallest_step, predictor)
+    _check(scene, method, tolerance, step, smallest_step, predictor)
     most = ITERATIONS[method] if max_iterations is None else max_iterations
     if start is None:
         q = jnp.zeros(scene.unknowns.shape[0], scene.prescribed.dtype)
@@ -121,7 +120,7 @@ def solve(
             break
         step = size / 2
     u = scene.displacement(q, factor)
-    if is_differentiated(scene):
+    if not is_concrete(scene):  # quiet is, so what flows through it is a derivative
         if code == CONVERGED:
             u = scene.displacement(attach(scene, q, factor), factor)
         u = without_derivative(u, leaves_sum(scene), jnp.asarray(code != CONVERGED))
