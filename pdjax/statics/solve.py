@@ -47,6 +47,40 @@ def _predict(scene: Scene, method: str, q: Array, factor: float, step: float) ->
         return q
 
 
+def _climb(scene: Scene, method, q: Array, step, smallest_step, predictor, tolerance, most) -> tuple:
+    """Load stepping from q at load factor 0 → (q, factor, code, history, iterations, the step that failed or None)."""
+    factor, history, iterations = 0.0, [], 0
+    while True:
+        size = min(step, 1.0 - factor)
+        target = 1.0 if size == 1.0 - factor else factor + size
+        trial = _predict(scene, method, q, factor, size) if predictor == "tangent" else q
+        new, code, residuals = _attempt(scene, method, trial, target, tolerance, most)
+        if code == CONVERGED and bool(torn(scene.families, scene.displacement(new, target))):
+            code = FLOWN
+        history += residuals
+        iterations += (len(residuals) - 1) * (CHUNK if method == "relaxation" else 1)
+        if code == CONVERGED:
+            q, factor = new, target
+            if factor >= 1.0:
+                return q, factor, code, history, iterations, None
+            if len(residuals) - 1 <= EASY:
+                step = min(2 * step, 1.0)
+        elif size / 2 < smallest_step:
+            failed = f"from load factor {factor:.6g} to {target:.6g}"
+            if factor == 0.0 and size == 1.0:
+                q, factor = new, 1.0  # one step, not cut: what it reached is what is asked about
+            elif code not in (SINGULAR, NOT_FINITE, FLOWN):
+                code = STEP_TOO_SMALL
+            return q, factor, code, history, iterations, failed
+        else:
+            step = size / 2
+
+
+def _sound(scene: Scene, q: Array, factor: float) -> bool:
+    """Whether the forces are finite on every point, held ones too: the scale is of them all, and already compiled."""
+    return bool(jnp.isfinite(residual_and_scale(scene, q, factor)[1]))
+
+
 def _check(scene, method, tolerance, step, smallest_step, predictor) -> None:
     if not isinstance(scene, Scene):
         raise ValueError(f"scene must be a Scene (pdjax.scene or pdjax.scenes); got {type(scene).__name__}")
@@ -96,37 +130,16 @@ def solve(
         if method != "trust_region":
             raise ValueError(f"method {method!r} runs on the host; under jit or vmap use method='trust_region'")
         return _traced(scene, quiet, q, tolerance, most)
-    factor, history, iterations, code, failed = 0.0, [], 0, CONVERGED, None
-    while factor < 1.0:
-        size = min(step, 1.0 - factor)
-        target = 1.0 if size == 1.0 - factor else factor + size
-        trial = _predict(quiet, method, q, factor, size) if predictor == "tangent" else q
-        new, code, residuals = _attempt(quiet, method, trial, target, tolerance, most)
-        if code == CONVERGED and bool(torn(quiet.families, quiet.displacement(new, target))):
-            code = FLOWN
-        history += residuals
-        iterations += (len(residuals) - 1) * (CHUNK if method == "relaxation" else 1)
-        if code == CONVERGED:
-            q, factor = new, target
-            if len(residuals) - 1 <= EASY:
-                step = min(2 * step, 1.0)
-            continue
-        if size / 2 < smallest_step:
-            failed = f"from load factor {factor:.6g} to {target:.6g}"
-            if factor == 0.0 and size == 1.0:
-                q, factor = new, 1.0  # one step, not cut: what it reached is what is asked about
-            elif code not in (SINGULAR, NOT_FINITE, FLOWN):
-                code = STEP_TOO_SMALL
-            break
-        step = size / 2
+    q, factor, code, history, iterations, failed = _climb(
+        quiet, method, q, step, smallest_step, predictor, tolerance, most
+    )
     u = scene.displacement(q, factor)
     if not is_concrete(scene):  # quiet is, so what flows through it is a derivative
         if code == CONVERGED:
             u = scene.displacement(attach(scene, q, factor), factor)
         u = without_derivative(u, leaves_sum(scene), jnp.asarray(code != CONVERGED))
     at = quiet.displacement(q, factor)
-    sound = bool(jnp.isfinite(residual_and_scale(quiet, q, factor)[1]))
-    look = stability and scene.model.hyperelastic and sound
+    look = stability and scene.model.hyperelastic and _sound(quiet, q, factor)
     result = Equilibrium(
         u,
         jnp.asarray(factor, q.dtype),
