@@ -75,12 +75,17 @@ class BodyStability(eqx.Module):
         )
 
 
-def _state(scene: Scene, u, factor) -> Array:
-    if u is not None:
-        return point_field(u, scene.families)
+def closed_form(scene: Scene, instead: str) -> Array:
+    """The scene's closed form; ValueError that says what to pass `instead` where it has none."""
     if scene.closed_form is None:
-        raise ValueError("this scene has no closed form to stand for u: pass the displacement u (points, dim)")
-    return factor * scene.closed_form
+        raise ValueError(f"this scene has no closed form to stand for u: pass {instead}")
+    return scene.closed_form
+
+
+def _state(scene: Scene, u, factor) -> Array:
+    if u is None:
+        return factor * closed_form(scene, "the displacement u (points, dim)")
+    return point_field(u, scene.families)
 
 
 def _tolerance(norm: float, dtype: Any) -> float:
@@ -114,6 +119,11 @@ def _scaled(A: sp.csc_array, root: np.ndarray) -> sp.csc_array:
     return (D @ A @ D).tocsc()
 
 
+def shifted(H: sp.csc_array, shift: float) -> sp.csc_array:
+    """H − shift: with `shift` the tolerance, what counts as zero is not positive."""
+    return (H - shift * sp.eye_array(H.shape[0], format="csc")).tocsc()
+
+
 def nearest(H: Any, factor: Factor, shift: float, k: int, start: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
     """The eigenpairs of H next to `shift`, by Lanczos on (H − shift)⁻¹: at most k, at least one.
 
@@ -136,11 +146,10 @@ def nearest(H: Any, factor: Factor, shift: float, k: int, start: np.ndarray | No
 def _certified_top(H: sp.csc_array, count: int, tolerance: float) -> tuple:
     """The largest eigenvalues by shift and invert, and the number above tolerance, both proved by inertia."""
     size, factors = H.shape[0], 0
-    eye = sp.eye_array(size, format="csc")
 
     def near(shift: float, k: int) -> tuple[int, np.ndarray, np.ndarray]:
         nonlocal factors
-        factor = Factor((H - shift * eye).tocsc())
+        factor = Factor(shifted(H, shift))
         factors += 1
         values, vectors = nearest(H, factor, shift, k, np.ones(size) + start)
         order = np.argsort(values)[::-1]
@@ -174,6 +183,7 @@ def body_spectrum(scene: Scene, u=None, count: int | None = None, factor: float 
     need_energy(scene)
     u = _state(scene, u, factor)
     size = len(np.asarray(scene.unknowns))
+    # with the scale, which nothing asks for: the solvers have compiled it so, and compiling costs more than evaluating
     force = np.asarray(residual_and_scale(scene, u.reshape(-1)[scene.unknowns], factor)[0])
     if not np.isfinite(force).all():
         raise ValueError("the forces at u are not finite: a bond collapsed to no length, or u holds NaN")
@@ -247,4 +257,4 @@ def body_inertia(scene: Scene, u=None, factor: float = 1.0) -> int:
     need_energy(scene)
     u = _state(scene, u, factor)
     H = _scaled(matrix(scene, u, factor), np.sqrt(unknown_volumes(scene)))
-    return count_positive((H - _tolerance(_norm(H), u.dtype) * sp.eye_array(H.shape[0])).tocsc())
+    return count_positive(shifted(H, _tolerance(_norm(H), u.dtype)))

@@ -16,12 +16,11 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-import scipy.sparse as sp
 import scipy.sparse.linalg as sla
 
 from ..problem import Scene, still
 from ..reduced import Factor, Singular, as_operator, count_positive, matrix, product_rate, unknown_volumes
-from .body import _full, _norm, _scaled, _tolerance, nearest, need_energy
+from .body import _full, _norm, _scaled, _tolerance, closed_form, nearest, need_energy, shifted
 
 PROOF = 1e-6  # relative distance of the two proving factors
 MOST = 60
@@ -56,6 +55,42 @@ def _near_zero(A: Any, factor: Factor, start: np.ndarray | None) -> tuple[float,
     return float(values[0]), vectors[:, 0]
 
 
+class _Walk:
+    """H along a path of displacements, and the counts of its eigenvalues above zero met on the way."""
+
+    def __init__(self, scene: Scene, path: Callable[[Any], Any]):
+        self.scene, self.path, self.root = scene, path, np.sqrt(unknown_volumes(scene))
+        self.seen: list[tuple[float, int]] = []
+        self.shift = 0.0
+
+    def state(self, factor: float) -> tuple[Any, Any]:
+        """H at a load factor, shifted by the rounding at the first one asked for, and v ↦ H'v."""
+        scene, root = self.scene, self.root
+        u, du = jax.jvp(self.path, (jnp.asarray(factor, float),), (jnp.ones(()),))
+        H = _scaled(matrix(scene, u, factor), root)
+        if self.shift == 0.0:
+            self.shift = _tolerance(_norm(H), u.dtype)
+        rate = as_operator(lambda v: product_rate(scene, u, factor, du, v / root) / root, H.shape[0])
+        return shifted(H, self.shift), rate
+
+    def factorised(self, H: Any) -> Factor:
+        """A factor of H."""
+        try:
+            return Factor(H)
+        except Singular:  # it sits on an eigenvalue, or a pivot vanished: two roundings further it does not
+            return Factor(shifted(H, 2 * self.shift))
+
+    def unstable_at(self, factor: float) -> bool:
+        """Whether H has positive eigenvalues there, by their count."""
+        self.seen.append((float(factor), count_positive(self.state(factor)[0])))
+        return self.seen[-1][1] > 0
+
+    def answer(self, factor: float, w: np.ndarray | None, proved: bool) -> BodyCritical:
+        """The critical load with all that was seen."""
+        mode = None if w is None else _full(self.scene, w, self.root)
+        return BodyCritical(float(factor), mode, tuple(self.seen), proved)
+
+
 def body_critical_load(
     scene: Scene,
     path: Callable[[Any], Any] | None = None,
@@ -70,67 +105,42 @@ def body_critical_load(
     """
     need_energy(scene)
     if path is None:
-        if scene.closed_form is None:
-            raise ValueError("this scene has no closed form: pass a path, load factor -> u (points, dim)")
-        form = jax.lax.stop_gradient(scene.closed_form)
+        form = jax.lax.stop_gradient(closed_form(scene, "a path, load factor -> u (points, dim)"))
         path = lambda factor: factor * form  # noqa: E731
     if not limit > 0:
         raise ValueError(f"limit must be > 0; got {limit}")
-    scene = still(scene)
-    root = np.sqrt(unknown_volumes(scene))
-    seen: list[tuple[float, int]] = []
-    shift = 0.0
-
-    def state(factor: float) -> tuple[Any, Any]:
-        """H at a load factor, shifted by rounding so that what counts as zero is not positive, and v ↦ H'v."""
-        nonlocal shift
-        u, du = jax.jvp(path, (jnp.asarray(factor, float),), (jnp.ones(()),))
-        H = _scaled(matrix(scene, u, factor), root)
-        if shift == 0.0:
-            shift = _tolerance(_norm(H), u.dtype)
-        rate = as_operator(lambda v: product_rate(scene, u, factor, du, v / root) / root, H.shape[0])
-        return (H - shift * sp.eye_array(H.shape[0])).tocsc(), rate
-
-    def factorised(H: Any) -> Factor:
-        try:
-            return Factor(H)
-        except Singular:  # it sits on an eigenvalue, or a pivot vanished: two roundings further it does not
-            return Factor((H - 2 * shift * sp.eye_array(H.shape[0])).tocsc())
-
-    def unstable_at(factor: float, counted: int | None = None) -> bool:
-        count = count_positive(state(factor)[0]) if counted is None else counted
-        seen.append((float(factor), count))
-        return count > 0
-
-    def answer(factor: float, w, proved: bool) -> BodyCritical:
-        return BodyCritical(float(factor), None if w is None else _full(scene, w, root), tuple(seen), proved)
-
-    H, rate = state(0.0)
-    lu = factorised(H)
-    if unstable_at(0.0, lu.positive):
-        return answer(0.0, _near_zero(H, lu, None)[1], True)
+    walk = _Walk(still(scene), path)
+    H, rate = walk.state(0.0)
+    lu = walk.factorised(H)
+    walk.seen.append((0.0, lu.positive))
+    if walk.seen[0][1] > 0:
+        return walk.answer(0.0, _near_zero(H, lu, None)[1], True)
     inverse = sla.LinearOperator(H.shape, matvec=lambda v: -lu.solve(v), dtype=float)
     strength, vector = sla.eigsh(rate, k=1, M=-H, Minv=inverse, which="LA", tol=1e-6)
-    w = vector[:, 0]
     del lu, inverse, H  # one factor at a time: it is most of the memory
-    factor = min(1 / strength[0], limit) if strength[0] > 0 else limit
+    first = min(1 / strength[0], limit) if strength[0] > 0 else limit
+    return _search(walk, first, vector[:, 0], limit)
+
+
+def _search(walk: _Walk, factor: float, w: np.ndarray, limit: float) -> BodyCritical:
+    """From a guess of the load factor and of the mode to the proved crossing: the module's head."""
     stable, unstable = 0.0, np.inf
-    while len(seen) < MOST:
+    while len(walk.seen) < MOST:
         if stable >= limit:
-            return answer(np.inf, None, True)
-        H, rate = state(factor)
-        lu = factorised(H)
+            return walk.answer(np.inf, None, True)
+        H, rate = walk.state(factor)
+        lu = walk.factorised(H)
         value, w = _near_zero(H, lu, w)
         count = lu.positive if lu.cheap else int(value > 0)  # where counting is dear the proof comes at the end
         del lu
-        seen.append((float(factor), count))
+        walk.seen.append((float(factor), count))
         slope = float(w @ (rate @ w)) / float(w @ w)
         new = factor - value / slope if slope != 0 else limit
         if abs(new - factor) <= 0.1 * PROOF * abs(new):
-            if unstable_at(new * (1 - PROOF)):
+            if walk.unstable_at(new * (1 - PROOF)):
                 unstable = min(unstable, new * (1 - PROOF))
-            elif unstable_at(new * (1 + PROOF)):
-                return answer(new, w, True)
+            elif walk.unstable_at(new * (1 + PROOF)):
+                return walk.answer(new, w, True)
             else:
                 stable = max(stable, new * (1 + PROOF))
             new = np.nan  # an eigenvalue crosses here, but not the first: go on between the bounds
@@ -138,7 +148,7 @@ def body_critical_load(
             stable = max(stable, factor)
             if slope <= 0 or new > limit:
                 if factor >= limit:
-                    return answer(np.inf, None, True)
+                    return walk.answer(np.inf, None, True)
                 new = limit
         else:
             unstable = min(unstable, factor)
@@ -147,4 +157,4 @@ def body_critical_load(
         if not stable < new < unstable:
             new = 0.5 * (stable + unstable) if np.isfinite(unstable) else limit
         factor = new
-    return answer(0.5 * (stable + min(unstable, limit)), w, False)
+    return walk.answer(0.5 * (stable + min(unstable, limit)), w, False)
