@@ -111,6 +111,16 @@ def _check_loads(a: np.ndarray, m: np.ndarray, fam, law: Law, path: Path) -> Non
         raise ValueError(f"a must keep det F > 0 along the path; a[{i}] = {a[i]:g} gives det F = {det[i]:g}")
 
 
+def _check_memory(shape: tuple[int, ...], criteria: int) -> None:
+    """Refuse a map whose results would fill more than half of the free memory."""
+    need, free = 8.0 * np.prod(shape, dtype=float) * (2 + criteria) * 2, _free_memory()
+    if need > 0.5 * free:
+        raise ValueError(
+            f"a map of {shape} states needs {need / 2**30:.1f} GiB and {free / 2**30:.1f} GiB are free; take fewer"
+            " m, a or N, or fewer lines"
+        )
+
+
 def stability_map(
     m,
     a,
@@ -143,12 +153,7 @@ def stability_map(
     horizons = np.atleast_1d(finite("N", N))
     names = tuple(choice("criterion", c, list(CRITERIA)) for c in (criterion, *lines))
     shape = (len(horizons), len(orders), len(loads))
-    need, free = 8.0 * np.prod(shape, dtype=float) * (2 + len(names)) * 2, _free_memory()
-    if need > 0.5 * free:
-        raise ValueError(
-            f"a map of {shape} states needs {need / 2**30:.1f} GiB and {free / 2**30:.1f} GiB are free; take fewer"
-            " m, a or N, or fewer lines"
-        )
+    _check_memory(shape, len(names))
     target = None if save is None else writable(save)
 
     fams = [lattice_family(dim, float(n), influence=influence) for n in horizons]
@@ -184,13 +189,8 @@ def stability_map(
         if lines:
             jobs += _jobs(fam, names[1:], thin_m, thin_a, wide, extra[:, n].reshape(1, len(lines), -1))
     saved = time.monotonic()
-    for fam, which, m_part, a_part, index, out in progress(jobs, len(jobs), f"{criterion} map", show_progress):
-        values = _chunk(
-            jnp.asarray(m_part, fam.xi.dtype), jnp.asarray(a_part, fam.xi.dtype), fam, law, path, which, resolution
-        )
-        for c, kinds in enumerate(values):
-            for kind in range(len(out)):
-                out[kind, c, index] = np.asarray(kinds[kind])
+    for job in progress(jobs, len(jobs), f"{criterion} map", show_progress):
+        _do(job, law, path, resolution)
         if target is not None and time.monotonic() - saved > _SAVE_EVERY:
             result().save(target)
             saved = time.monotonic()
@@ -209,3 +209,13 @@ def _jobs(fam, names: tuple[str, ...], orders, loads, wide: float, out: np.ndarr
         index = np.minimum(np.arange(start, start + size), len(M) - 1)  # the last chunk repeats its last state
         jobs.append((fam, names, M[index], A[index], index, out))
     return jobs
+
+
+def _do(job: tuple, law: Law, path: Path, resolution: int | None) -> None:
+    """Evaluate one chunk and put its results where they go."""
+    fam, names, m, a, index, out = job
+    real = fam.xi.dtype
+    values = _chunk(jnp.asarray(m, real), jnp.asarray(a, real), fam, law, path, names, resolution)
+    for c, kinds in enumerate(values):
+        for kind in range(len(out)):
+            out[kind, c, index] = np.asarray(kinds[kind])
