@@ -9,13 +9,33 @@ for signs of eigenvalues, enable float64 first, `jax.config.update("jax_enable_x
 
 import importlib as _importlib
 
-from . import closed_forms, scenes
+from . import closed_forms, observers, scenes
 from .bloch import p_wave_modulus, symbol
 from .conditions import body_force, homogeneous_traction, prescribe, total_force
 from .criteria import CRITERIA, Stability, stability
 from .criteria.body import BodyStability, body_inertia, body_spectrum, body_stability
 from .criteria.body_critical import BodyCritical, body_critical_load
 from .criteria.critical import critical_load, load_slope, stable_orders
+from .dynamics import (
+    Energies,
+    Failure,
+    History,
+    Hold,
+    Motion,
+    Ramp,
+    Rate,
+    SmoothRamp,
+    amplitude,
+    critical_time_step,
+    diffrax_start,
+    diffrax_terms,
+    measured_rate,
+    motion,
+    simulate,
+    simulate_diffrax,
+    symplectic_terms,
+    verlet_rate,
+)
 from .force import force_density, force_state, piola_stress, strain, strain_energy, stress
 from .influence import (
     constant_influence,
@@ -34,6 +54,7 @@ from .points import Points, bar, cloud, cuboid, lattice, plate
 from .problem import Scene, scene
 from .statics import Equilibrium, EquilibriumPath, equilibrium_path, solve
 from .tangent import center_block, jacobian, jvp
+from .waves import Dispersion, classical_frequency, dispersion
 
 
 def __getattr__(name: str):
@@ -50,20 +71,30 @@ __all__ = [
     "BodyStability",
     "Bonds",
     "Correspondence",
+    "Dispersion",
+    "Energies",
     "EnergyLaw",
     "Equilibrium",
     "EquilibriumPath",
+    "Failure",
     "Families",
     "Family",
+    "History",
+    "Hold",
     "Law",
     "LinearElastic",
+    "Motion",
     "NeoHookean",
     "PointStateModel",
     "Points",
+    "Ramp",
+    "Rate",
     "Scene",
     "SethHill",
+    "SmoothRamp",
     "Stability",
     "StabilityMap",
+    "amplitude",
     "bar",
     "body_critical_load",
     "body_force",
@@ -72,12 +103,17 @@ __all__ = [
     "body_stability",
     "bond_average_strain",
     "center_block",
+    "classical_frequency",
     "closed_forms",
     "cloud",
     "constant_influence",
     "critical_load",
+    "critical_time_step",
     "cubic_spline_influence",
     "cuboid",
+    "diffrax_start",
+    "diffrax_terms",
+    "dispersion",
     "equilibrium_path",
     "families",
     "figures",
@@ -96,6 +132,9 @@ __all__ = [
     "load_slope",
     "local_strain",
     "log_stretch",
+    "measured_rate",
+    "motion",
+    "observers",
     "p_wave_modulus",
     "piola_stress",
     "plate",
@@ -105,6 +144,8 @@ __all__ = [
     "shape_tensor_K",
     "shape_tensor_L",
     "simple_shear",
+    "simulate",
+    "simulate_diffrax",
     "solve",
     "stability",
     "stability_map",
@@ -113,7 +154,9 @@ __all__ = [
     "strain_energy",
     "stress",
     "symbol",
+    "symplectic_terms",
     "total_force",
     "uniaxial_strain",
     "uniaxial_stress",
+    "verlet_rate",
 ]

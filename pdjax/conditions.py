@@ -52,7 +52,7 @@ class HomogeneousTraction(NamedTuple):
 Condition = Prescribed | BodyForce | TotalForce | HomogeneousTraction
 
 
-def _indices(points) -> np.ndarray:
+def point_numbers(points) -> np.ndarray:
     """Point numbers from numbers or from a boolean mask."""
     points = np.atleast_1d(np.asarray(points))
     if points.dtype == bool:
@@ -73,17 +73,17 @@ def prescribe(points, u=0.0, components=None) -> Prescribed:
     chosen = None if components is None else tuple(int(c) for c in np.atleast_1d(components))
     if chosen is not None and (len(set(chosen)) != len(chosen) or not chosen):
         raise ValueError(f"components must be different numbers such as (0, 1); got {components!r}")
-    return Prescribed(_indices(points), jnp.asarray(u, dtype=float), chosen)
+    return Prescribed(point_numbers(points), jnp.asarray(u, dtype=float), chosen)
 
 
 def body_force(points, b) -> BodyForce:
     """A body force density b [force/length^dim]: a number in 1D, (dim,), or (points named, dim)."""
-    return BodyForce(_indices(points), jnp.asarray(b, dtype=float))
+    return BodyForce(point_numbers(points), jnp.asarray(b, dtype=float))
 
 
 def total_force(points, force) -> TotalForce:
     """A force (dim,) [force] spread evenly over the points named: the crude traction of the module's head."""
-    return TotalForce(_indices(points), jnp.asarray(force, dtype=float))
+    return TotalForce(point_numbers(points), jnp.asarray(force, dtype=float))
 
 
 def homogeneous_traction(points, F, model=None) -> HomogeneousTraction:
@@ -91,4 +91,4 @@ def homogeneous_traction(points, F, model=None) -> HomogeneousTraction:
 
     `model`: whose internal force is meant, if not the body's own (a graded body's material at the surface).
     """
-    return HomogeneousTraction(_indices(points), jnp.asarray(F, dtype=float), model)
+    return HomogeneousTraction(point_numbers(points), jnp.asarray(F, dtype=float), model)

@@ -214,13 +214,15 @@ def scene(
     *conditions: Condition,
     mean=None,
     closed_form=None,
+    moving: bool = False,
     name: str = "scene",
 ) -> Scene:
     """A boundary value problem: a body, a model and its conditions.
 
     Arguments: body, fams = families(body, …), model; conditions from `prescribe`, `body_force`, `total_force`,
         `homogeneous_traction`; mean (dim, dim) mean deformation of a periodic body at load factor 1; closed_form
-        (points, dim) [length], a displacement known to solve it or to be compared with it.
+        (points, dim) [length], a displacement known to solve it or to be compared with it; moving: for dynamics, where
+        rigid motions need not be held.
     Raises: ValueError for families of another body, contradictory prescriptions, a load on a held component,
         nothing left free, or a rigid motion of a piece that nothing holds (named).
     """
@@ -233,7 +235,8 @@ def scene(
     held, value = _prescribe(conditions, shape, 16 * float(jnp.finfo(fams.xi.dtype).eps))
     if held.all():
         raise ValueError("the body is over-constrained: every displacement is prescribed and nothing is left to solve")
-    _check_held(body, fams, held)
+    if not moving:
+        _check_held(body, fams, held)
     load = _load(conditions, body, fams, model, held)
     real = fams.xi.dtype
     if closed_form is not None:

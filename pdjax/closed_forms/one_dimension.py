@@ -55,14 +55,16 @@ def critical_load_1d(m, N):
     return edge(jnp.where(slope == 0, -jnp.inf, 1 / jnp.where(slope == 0, 1.0, slope)), m)
 
 
-def dispersion_1d(k, amplitude, m, N, modulus=1.0, density=1.0, spacing=1.0):
-    """ω² of u = u₀ e^{i(kX−ωt)} at X = t = 0, S = κE: −ρu₀ω² = Σ V [S(0) + S(ξ)](Y²/ξ²)^{m−1} Y/(ω₀ξ²).
+def dispersion_1d(k, amplitude, m, N, modulus=1.0, density=1.0, spacing=1.0, X=0.0):
+    """ω² of u = u₀ e^{i(kX−ωt)} at t = 0 and X, the paper's 0 by default, S = κE: −ρu₀ω² e^{ikX} = Σ V [S(X) + S(X+ξ)]
+    (Y²/ξ²)^{m−1} Y/(ω₀ξ²).
 
     The wave enters as a complex displacement into a nonlinear law, so ω² is complex and no motion of the
-    bar: only its limit u₀ → 0 is (`dispersion_limit_1d`).
+    bar: only its limit u₀ → 0 is (`dispersion_limit_1d`). It depends on X, and
+    its imaginary part flips with the sign of u₀, which for a real wave is a shift by half its length.
 
     Arguments: k (...) [1/length]; amplitude u₀ ≠ 0 [length]; m scalar [-]; N whole; modulus κ [pressure];
-    density ρ; spacing h [length]. Returns: complex (...) [1/time²]. Raises: ValueError for N, amplitude =
+    density ρ; spacing h, X [length]. Returns: complex (...) [1/time²]. Raises: ValueError for N, amplitude =
     0. Source: eqn:dispersion1 to eqn:dispersion4.
     """
     N = check_ratio(N, whole=True)
@@ -82,10 +84,11 @@ def dispersion_1d(k, amplitude, m, N, modulus=1.0, density=1.0, spacing=1.0):
         quotient = jnp.where(small, 1 + x / 2 + x**2 / 6 + x**3 / 24, jnp.expm1(x) / jnp.where(small, 1, x))
         return modulus * jnp.mean(stretch(at) * quotient, axis=-1)
 
-    here = jnp.zeros(1, dtype=xi.dtype)
+    here = jnp.full(1, X, dtype=xi.dtype)
     log_s = stretch(here)[..., 0, :]
-    pair = stress(here) + stress(xi)
-    return -jnp.mean(pair * jnp.exp((2 * m - 1) * log_s) / xi, axis=-1) / (density * amplitude)
+    pair = stress(here) + stress(here + xi)
+    start = density * amplitude * jnp.exp(phase[..., 0] * X)
+    return -jnp.mean(pair * jnp.exp((2 * m - 1) * log_s) / xi, axis=-1) / start
 
 
 def lattice_numbers(N):

@@ -11,15 +11,15 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from . import conditions
-from ._checks import deformation_gradient, is_concrete
-from .closed_forms.local_bar import local_strain_of_stress, singular_bar_local
-from .laws import LinearElastic
-from .models import SethHill, graded
-from .models.base import AbstractModel
-from .neighbours import families
-from .points import Points, lattice
-from .problem import Scene, scene
+from .. import conditions
+from .._checks import deformation_gradient, is_concrete
+from ..closed_forms.local_bar import local_strain_of_stress, singular_bar_local
+from ..laws import LinearElastic
+from ..models import SethHill, graded
+from ..models.base import AbstractModel
+from ..neighbours import families
+from ..points import Points, lattice
+from ..problem import Scene, scene
 
 
 def _unit_model(model: AbstractModel | None) -> AbstractModel:

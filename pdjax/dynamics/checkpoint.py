@@ -1,0 +1,102 @@
+"""Checkpoints of a run: everything that is needed to go on bit for bit, in one file that is whole or not there.
+
+A checkpoint belongs to one motion, step and cadence: it carries a fingerprint of them and of the version, and is
+refused by any other. It is written beside the old one and moved over it, so a run killed at any moment leaves a valid
+one; a disk that is full costs a warning, and the old one stays.
+"""
+
+import hashlib
+import importlib.metadata
+import os
+import warnings
+import zipfile
+from pathlib import Path
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from .._checks import written_whole
+from .system import Motion
+from .verlet import State
+
+VERSION = importlib.metadata.version("pdjax")
+
+
+def _kinds(tree: Any) -> list[str]:
+    """Names of the modules, functions and static values in a tree: the same in every process."""
+    if isinstance(tree, eqx.Module):
+        names = [type(tree).__qualname__]
+        for field in getattr(tree, "__dataclass_fields__", {}):
+            names += [field, *_kinds(getattr(tree, field, None))]
+        return names
+    if isinstance(tree, dict):
+        return [x for key in sorted(tree) for x in (str(key), *_kinds(tree[key]))]
+    if isinstance(tree, list | tuple):
+        return [type(tree).__name__, *(x for item in tree for x in _kinds(item))]
+    if eqx.is_array_like(tree) or isinstance(tree, np.ndarray):
+        return [f"{jnp.shape(tree)} {jnp.result_type(tree)}"]
+    if callable(tree):
+        code = getattr(tree, "__code__", None)
+        constants = [] if code is None else [c for c in code.co_consts if not hasattr(c, "co_code")]
+        body = "" if code is None else code.co_code.hex() + repr(constants)
+        return [f"{getattr(tree, '__module__', '')}.{getattr(tree, '__qualname__', type(tree).__name__)} {body}"]
+    return [repr(tree)]
+
+
+def fingerprint(motion: Motion, observers: dict[str, Any], dt: float, save_every: int, keep: bool) -> str:
+    """Names the run: the same motion, observers, step and cadence give the same one in any process."""
+    digest = hashlib.sha256()
+    digest.update(repr([VERSION, dt, save_every, keep, *_kinds(motion), *_kinds(observers)]).encode())
+    times = jnp.linspace(0, 1000 * dt * save_every, 257).astype(motion.start.dtype)
+    for leaf in [*jax.tree.leaves((motion, observers)), jax.vmap(motion.factor)(times)[0]]:
+        if eqx.is_array_like(leaf) or isinstance(leaf, np.ndarray):
+            digest.update(np.ascontiguousarray(leaf).tobytes())
+    return digest.hexdigest()
+
+
+def save(path: str | os.PathLike, name: str, state: State, records: list[Any]) -> bool:
+    """Write state and records so far; False with a warning if the disk refuses."""
+    arrays = {f"state_{k}": np.asarray(x) for k, x in state._asdict().items()}
+    columns = zip(*(jax.tree.leaves(r) for r in records), strict=True)
+    arrays |= {f"record_{k}": np.stack([np.asarray(x) for x in column]) for k, column in enumerate(columns)}
+    try:
+        with written_whole(path) as stream:
+            np.savez(stream, fingerprint=name, version=VERSION, **arrays)
+    except OSError as error:
+        warnings.warn(
+            f"checkpoint {path} could not be written ({error}); the run goes on and the last checkpoint is as it was",
+            stacklevel=3,
+        )
+        return False
+    return True
+
+
+def load(path: str | os.PathLike, name: str, like: Any) -> tuple[State, list[Any]]:
+    """State and records of a checkpoint; `like` is a record of the shape to restore.
+
+    Raises: FileNotFoundError; ValueError for a file that is no checkpoint, of another version, or of another run.
+    """
+    path = Path(path)
+    if not path.exists():
+        raise FileNotFoundError(f"no checkpoint at {path}: run once without resume to make it")
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            arrays = dict(file)
+        found, version = str(arrays["fingerprint"]), str(arrays["version"])
+    except (OSError, ValueError, KeyError, zipfile.BadZipFile, EOFError) as error:
+        raise ValueError(f"{path} is not a checkpoint of pdjax, or is damaged: {error}") from None
+    if version != VERSION:
+        raise ValueError(f"checkpoint {path} was written by pdjax {version}, this is {VERSION}: start the run anew")
+    if found != name:
+        raise ValueError(
+            f"checkpoint {path} belongs to another run: its scene, model, density, schedule, observers, dt or"
+            " save_every differ from this one's"
+        )
+    state = State(*(jnp.asarray(arrays[f"state_{k}"]) for k in State._fields))
+    leaves, structure = jax.tree.flatten(like)
+    columns = [arrays[f"record_{k}"] for k in range(len(leaves))]
+    records = [jax.tree.unflatten(structure, [c[i] for c in columns]) for i in range(len(columns[0]))]
+    return state, records

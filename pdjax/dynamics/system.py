@@ -1,0 +1,152 @@
+"""The initial value problem of a scene: what has mass, how the load factor runs in time, where it starts.
+
+    ρ (ü + c u̇) = f(u, λ(t)) + λ(t) b   on free components,      u = λ(t) û   on held ones
+
+ρ density, c damping [1/time] (mass-proportional), λ(t) the load factor: a schedule. Prescribed displacements, loads and
+the mean deformation of a periodic body all follow it, as in statics. Kinetic energy is that of the free components; a
+support carries the mass of what it holds.
+"""
+
+from collections.abc import Callable
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float
+
+from .._checks import as_real, is_concrete
+from ..force import point_field
+from ..problem import Scene
+
+
+class Hold(eqx.Module):
+    """λ(t) = 1: the whole load from the start."""
+
+    def __call__(self, t):
+        return jnp.ones_like(t)
+
+
+class Ramp(eqx.Module):
+    """λ(t) = t/duration up to 1, then 1. duration > 0 [time]."""
+
+    duration: Float[Array, ""] = eqx.field(converter=as_real)
+
+    def __check_init__(self):
+        if is_concrete(self.duration) and not (jnp.isfinite(self.duration) and self.duration > 0):
+            raise ValueError(f"duration of a ramp must be finite and > 0; got {self.duration}")
+
+    def __call__(self, t):
+        return jnp.where(t < self.duration, t / self.duration, 1.0)
+
+
+class SmoothRamp(Ramp):
+    """λ = 3τ² − 2τ³, τ = t/duration up to 1: starts and ends without a jump of velocity."""
+
+    def __call__(self, t):
+        tau = jnp.where(t < self.duration, t / self.duration, 1.0)
+        return tau**2 * (3 - 2 * tau)
+
+
+class Motion(eqx.Module):
+    """A scene with mass and a clock. Made by `motion` or by the moving scenes of `pdjax.scenes`.
+
+    density () or (points,) [mass/length^dim]; damping () [1/time]; schedule t → λ; start, velocity (points, dim) at t =
+    0; duration [time]: how long the scene wants to run, or None.
+    """
+
+    scene: Scene
+    density: Float[Array, "..."]
+    damping: Float[Array, ""]
+    schedule: Callable[[Any], Any]
+    start: Float[Array, "points dim"]
+    velocity: Float[Array, "points dim"]
+    duration: float | None = eqx.field(static=True, default=None)
+
+    @property
+    def free(self) -> Bool[Array, "points dim"]:
+        """Which components move freely (traced)."""
+        shape = self.scene.prescribed.shape
+        flags = jnp.zeros(self.scene.prescribed.size, bool).at[self.scene.unknowns].set(True)
+        return flags.reshape(shape)
+
+    @property
+    def mass(self) -> Float[Array, "points 1"]:
+        """ρ_i V_i [mass]."""
+        return (self.density * self.scene.families.volumes)[:, None]
+
+    def factor(self, t) -> tuple[Array, Array]:
+        """λ and dλ/dt at t."""
+        t = jnp.asarray(t, self.start.dtype)
+        return jax.jvp(lambda s: jnp.asarray(self.schedule(s), t.dtype), (t,), (jnp.ones_like(t),))
+
+    def force(self, u: Float[Array, "points dim"], factor) -> Float[Array, "points dim"]:
+        """V (f + λ b) [force] on every point."""
+        return self.scene.unbalanced(u, factor)
+
+
+def _density(density: Any, points: int, dtype: Any) -> Array:
+    density = jnp.asarray(density, dtype)
+    if density.shape not in ((), (points,)):
+        raise ValueError(f"density must be one number or one for each of the {points} points; got {density.shape}")
+    if is_concrete(density) and not bool((jnp.isfinite(density) & (density > 0)).all()):
+        raise ValueError(f"density must be finite and > 0 everywhere; the smallest is {float(jnp.min(density)):g}")
+    return density
+
+
+def motion(
+    scene: Scene,
+    density=1.0,
+    *,
+    damping=0.0,
+    schedule: Callable[[Any], Any] | None = None,
+    start=None,
+    velocity=None,
+    duration: float | None = None,
+) -> Motion:
+    """The initial value problem of a scene.
+
+    Arguments: density ρ > 0, one number or (points,) [mass/length^dim]; damping c ≥ 0 [1/time]; schedule t [time] → λ
+        [-], `Hold()` by default, or `Ramp`, `SmoothRamp`, any JAX function; start, velocity (points, dim) [length],
+        [length/time], zero by default: on held components the schedule's values take their place; duration [time] the
+        run wants, if it has a natural one.
+    Raises: ValueError for a density or damping that can't be, a schedule not finite at t = 0, fields of a wrong shape.
+    """
+    if not isinstance(scene, Scene):
+        raise ValueError(f"scene must be a Scene (pdjax.scene or pdjax.scenes); got {type(scene).__name__}")
+    dtype = scene.prescribed.dtype
+    density = _density(density, len(scene.body), dtype)
+    damping = jnp.asarray(damping, dtype)
+    if is_concrete(damping) and not (damping.shape == () and jnp.isfinite(damping) and damping >= 0):
+        raise ValueError(f"damping must be one number >= 0 [1/time]; got {damping}")
+    zero = jnp.zeros_like(scene.prescribed)
+    start, velocity = (
+        zero if x is None else point_field(x, scene.families, name).astype(dtype)
+        for x, name in ((start, "start"), (velocity, "velocity"))
+    )
+    schedule = Hold() if schedule is None else schedule
+    made = Motion(scene, density, damping, schedule, start, velocity, duration)
+    check_schedule(made, jnp.zeros(1, dtype))
+    factor, rate = made.factor(0.0)
+    start = jnp.where(made.free, start, factor * scene.prescribed)
+    velocity = jnp.where(made.free, velocity, rate * scene.prescribed)
+    return Motion(scene, density, damping, schedule, start, velocity, duration)
+
+
+def check_schedule(motion: Motion, times: Float[Array, " times"]) -> None:
+    """Refuse a schedule that is not one finite number at the times given; under a transformation it can't look."""
+    if not callable(motion.schedule):
+        raise ValueError(f"schedule must be a function of time such as pdjax.Ramp(10.0); got {motion.schedule!r}")
+    shape = jax.eval_shape(lambda: motion.factor(0.0))[0].shape
+    if shape != ():
+        raise ValueError(f"schedule must give one load factor; at t = 0 it gives an array of shape {shape}")
+    if not is_concrete(motion, times):
+        return
+    values, rates = jax.vmap(motion.factor)(times)
+    bad = ~(jnp.isfinite(values) & jnp.isfinite(rates))
+    if bool(bad.any()):
+        i = int(jnp.argmax(bad))
+        raise ValueError(
+            f"schedule must be finite, and so must its rate; at t = {float(times[i]):g} it is {float(values[i]):g}"
+            f" with rate {float(rates[i]):g}"
+        )

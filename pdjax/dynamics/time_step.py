@@ -1,0 +1,48 @@
+"""The largest time step that explicit integration bears: Δt_cr = 2/ω_max.
+
+ω_max² is the largest |eigenvalue| of (ρV)^{-½} A (ρV)^{-½} on the free components, by a few Lanczos steps on JVPs: no
+matrix is stored. Lanczos comes from below, so Δt_cr comes from above, within ACCURACY/2 of itself.
+"""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import scipy.sparse.linalg as sla
+
+from .._checks import is_concrete
+from ..force import point_field
+from ..problem import still
+from ..reduced import as_operator, product
+from .system import Motion
+
+ACCURACY = 1e-3  # of ω_max²
+SAFETY = 0.8  # of the critical step at the start, where none is given: bodies stiffen as they deform
+
+
+def critical_time_step(motion: Motion, u=None, t=0.0) -> float:
+    """Δt_cr = 2/ω_max [time] of velocity Verlet and central differences, linearised at u.
+
+    Arguments: u (points, dim) [length], the start by default; t [time] the moment whose load factor counts. inf where
+    nothing resists.
+    Raises: ValueError under a transformation (it runs on the host), or where the forces at u are not finite.
+    """
+    scene = still(motion.scene)
+    density = jax.lax.stop_gradient(motion.density)
+    if not is_concrete(scene, density, u, motion.start):
+        raise ValueError("the critical time step is found on the host: under jit or vmap give dt yourself")
+    u = motion.start if u is None else point_field(u, scene.families)
+    factor = motion.factor(t)[0]
+    keep = np.asarray(scene.unknowns)
+    mass = np.broadcast_to(np.asarray(density * scene.families.volumes)[:, None], u.shape).reshape(-1)[keep]
+    root = jnp.asarray(np.sqrt(mass), u.dtype)
+    q = u.reshape(-1)[scene.unknowns]
+    H = as_operator(lambda v: product(scene, q, factor, v.astype(u.dtype) / root) / root, len(keep))
+    if len(keep) < 3:
+        largest = float(np.abs(np.linalg.eigvals(H @ np.eye(len(keep)))).max())
+    else:
+        start = np.random.default_rng(0).normal(size=len(keep))
+        if not np.isfinite(H @ start).all():
+            raise ValueError("the forces at u are not finite: no time step can follow them")
+        find = sla.eigsh if scene.model.hyperelastic else sla.eigs
+        largest = float(abs(find(H, k=1, which="LM", tol=ACCURACY, v0=start, return_eigenvectors=False)[0]))
+    return float("inf") if largest == 0 else 2 / largest**0.5

@@ -1,0 +1,101 @@
+"""Scenes that move: the paper's cuboid, and plane waves on periodic bars and lattices, at rest or deformed."""
+
+import math
+
+import jax.numpy as jnp
+import numpy as np
+
+from .. import conditions
+from .._checks import deformation_gradient, is_concrete
+from ..bloch import p_wave_modulus
+from ..dynamics.system import Motion, Ramp, motion
+from ..models.base import AbstractModel
+from ..neighbours import families, lattice_family
+from ..points import lattice
+from ..problem import scene
+from ..waves import dispersion
+from .bodies import _count, _ratio, _unit_model
+
+
+def cuboid(shape, N: float = 3, strain=0.05, rate=1e-2, model: AbstractModel | None = None, density=1.0) -> Motion:
+    """The paper's cuboid: a body pulled or pushed along x by its ends, at a constant rate.
+
+    A lattice of `shape` cells, the last axis one length unit long: (32, 8, 8) is 4 × 1 × 1. Of the N layers at each end
+    u_x = λ(t) strain (x − centre) is prescribed and the rest is free, so that uniaxial stress is a motion of all of it;
+    it starts with the velocity of that stretch along x, so that no front runs in from the ends.
+    Arguments: shape 1 to 3 counts; N; strain [-] > −1 at the end; rate [1/time] > 0 of its magnitude; model by default
+        of order 1 and unit modulus; density. Its natural duration is |strain|/rate.
+    Raises: ValueError for a shape without free layers, a strain or rate that can't be. Source: section 5.3.
+    """
+    N, shape = _ratio(N), tuple(_count("every entry of shape", s, 1) for s in np.atleast_1d(shape))
+    layers = math.ceil(N)
+    if shape[0] <= 2 * layers:
+        raise ValueError(f"the first side must have more than {2 * layers} cells, two ends of N; got shape {shape}")
+    if not (is_concrete(strain) and math.isfinite(strain) and strain > -1 and strain != 0):
+        raise ValueError(f"strain must be a finite number > -1 and not 0; got {strain!r}")
+    if not (is_concrete(rate) and math.isfinite(rate) and rate > 0):
+        raise ValueError(f"rate must be a finite number > 0 [1/time]; got {rate!r}")
+    h = 1.0 / shape[-1]
+    body = lattice(shape, h)
+    x = body.positions[:, 0] - 0.5 * h * shape[0]
+    ends = np.flatnonzero(np.abs(x) > 0.5 * h * (shape[0] - 2 * layers))
+    held = conditions.prescribe(ends, strain * x[ends, None], components=0)
+    fixed = scene(body, families(body, N * h), _unit_model(model), held, moving=True, name="cuboid")
+    duration = abs(strain) / rate
+    velocity = np.zeros_like(body.positions)
+    velocity[:, 0] = math.copysign(rate, strain) * x
+    return motion(fixed, density, schedule=Ramp(duration), velocity=velocity, duration=duration)  # type: ignore
+
+
+def wave(
+    n,
+    N: float = 3,
+    k=None,
+    u0=1e-6,
+    model: AbstractModel | None = None,
+    dim: int = 1,
+    *,
+    F=None,
+    branch: int = -1,
+    travelling: bool = False,
+    density=1.0,
+    periods: float = 4.0,
+) -> Motion:
+    """A plane wave on a periodic lattice of spacing 1, on top of a homogeneous deformation.
+
+    u = u0 e cos(k·(X − X₀)) at t = 0, a crest on the first point X₀, at rest (a standing wave) or moving along k; e the
+    polarisation of one branch of the symbol. The scene's closed form is that start.
+    Arguments: n points along each side, or a shape; N; k (dim,), or its first component [1/length]: it must fit the
+        box, k_i = 2π j/n_i (default: the longest wave along x); u0 [length]; model by default of order 1 and unit
+        modulus; dim; F (dim, dim) mean deformation; branch −1 the fastest, 0 the slowest; travelling; density; periods:
+        the natural duration is that many periods (of a classical P-wave where the mode does not oscillate).
+    Raises: ValueError for a k that doesn't fit (with the nearest that does), a box of two horizons or less.
+    """
+    N = _ratio(N)
+    shape = tuple(_count("n", s, 2) for s in ((n,) * dim if np.ndim(n) == 0 else n))
+    dim = len(shape)
+    given = np.zeros(dim)
+    given[0] = 2 * np.pi / shape[0]
+    if k is not None:
+        given[: np.size(k)] = np.atleast_1d(np.asarray(k, dtype=float))
+        given[np.size(k) :] = 0.0
+    steps = given * np.array(shape) / (2 * np.pi)
+    if not (np.isfinite(given).all() and np.abs(steps - np.round(steps)).max() < 1e-6):
+        nearest = 2 * np.pi * np.round(np.nan_to_num(steps)) / np.array(shape)
+        raise ValueError(
+            f"k must fit the periodic box, k_i = 2π j/n_i; got {given}, the nearest that fits is {nearest}"
+        )
+    body = lattice(shape, 1.0, periodic=True)
+    model = _unit_model(model)
+    mean = None if F is None else deformation_gradient(F, dim)
+    fam = lattice_family(dim, N)
+    found = dispersion(model, fam, jnp.eye(dim) if mean is None else mean, given[None], density)
+    e, omega = found.mode[0, :, branch], found.frequency[0, branch]
+    phase = jnp.asarray((body.positions - body.positions[0]) @ given)[:, None]  # a crest on a point: k = π/h is seen
+    start = u0 * jnp.cos(phase) * e
+    velocity = omega * u0 * jnp.sin(phase) * e if travelling else jnp.zeros_like(start)
+    fixed = scene(body, families(body, N), model, mean=mean, closed_form=start, moving=True, name="wave")
+    slow = jnp.sqrt(p_wave_modulus(model, fam) / density) * np.linalg.norm(given)
+    rate = jnp.where(omega > 0, omega, slow)
+    duration = periods * 2 * np.pi / float(rate) if is_concrete(rate) and float(rate) > 0 else None
+    return motion(fixed, density, start=start, velocity=velocity, duration=duration)

@@ -1,0 +1,109 @@
+"""Dispersion: the frequencies of plane waves on the deformed infinite lattice, from its symbol.
+
+    Ĵ(k) e = λ e,   ω² = −λ/ρ:   λ < 0 a wave of frequency ω, λ > 0 a mode that grows at √(λ/ρ)
+    ∂ω/∂k = −eᵀ (∂Ĵ/∂k) e / (2ρω)                               (group velocity, ∂Ĵ/∂k by autodiff)
+
+The classical line is that of the law itself, ω² = |k|² eig Q(n)/ρ with the acoustic tensor Q of ψ(F):
+`classical_frequency`. A zero-energy mode is a wave, k ≠ 0, whose λ vanishes to rounding beside the law's M κ².
+"""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float
+
+from ._checks import deformation_gradient, is_concrete, require
+from .bloch import homogeneous_tangent, p_wave_modulus, wave_phases
+from .criteria.outcome import margin_tolerance
+from .force import check_model
+from .models.base import AbstractModel
+from .neighbours import Family
+
+
+class Dispersion(eqx.Module):
+    """The answer of `dispersion`; branches run from the slowest (largest λ) to the fastest.
+
+    k (waves, dim) [1/length]; eigenvalue λ (waves, dim); frequency ω and growth (waves, dim) [1/time], one of them 0;
+    mode (waves, dim, dim): mode[w, :, b] is the unit polarisation of branch b; group_velocity (waves, dim branches,
+    dim) [length/time], NaN where ω = 0 (at k = 0 it depends on the direction) and arbitrary between equal branches;
+    zero_energy (waves, dim): λ = 0 to rounding at k ≠ 0.
+    """
+
+    k: Float[Array, "waves dim"]
+    eigenvalue: Float[Array, "waves dim"]
+    frequency: Float[Array, "waves dim"]
+    growth: Float[Array, "waves dim"]
+    mode: Float[Array, "waves dim dim"]
+    group_velocity: Float[Array, "waves dim dim"]
+    zero_energy: Bool[Array, "waves dim"]
+
+
+@eqx.filter_jit
+def _dispersion(model: AbstractModel, fam: Family, F: Array, k: Array, density: Array) -> Dispersion:
+    tangent = homogeneous_tangent(model, fam, F)
+
+    def one(k):
+        return tangent(wave_phases(fam, k))
+
+    J, slope = jax.vmap(one)(k), jax.vmap(jax.jacfwd(one))(k)  # (waves, dim, dim), (waves, dim, dim, dim of k)
+    value, mode = jnp.linalg.eigh((J + J.mT) / 2)
+    value, mode = value[:, ::-1], mode[:, :, ::-1]
+    kappa2 = wave_phases(fam, k).kappa2
+    scale = p_wave_modulus(model, fam) * kappa2[:, None]
+    still = jnp.abs(value) <= margin_tolerance(value.dtype) * scale
+    square = jnp.where(still, 0.0, -value / density)
+
+    def root(x):
+        return jnp.where(x > 0, jnp.sqrt(jnp.where(x > 0, x, 1.0)), 0.0)
+
+    frequency = root(square)
+    slope = jnp.einsum("wib,wijc,wjb->wbc", mode, slope, mode)
+    moves = (frequency > 0) & ~still
+    group = -slope / (2 * density * jnp.where(moves, frequency, jnp.nan))[..., None]
+    zero = still & (kappa2[:, None] > 0)
+    return Dispersion(k, value, frequency, root(-square), mode, group, zero)
+
+
+def _waves(k, dim: int, dtype) -> Array:
+    k = jnp.asarray(k, dtype)
+    k = k[:, None] if k.ndim == 1 and dim == 1 else k
+    if k.ndim != 2 or k.shape[1] != dim:
+        raise ValueError(f"k must have shape (waves, {dim}) for this family; got {k.shape}")
+    return require(k, jnp.isfinite(k), "k must be finite")
+
+
+def _positive(density, dtype) -> Array:
+    density = jnp.asarray(density, dtype)
+    if is_concrete(density) and not (density.shape == () and jnp.isfinite(density) and density > 0):
+        raise ValueError(f"density must be one finite number > 0; got {density}")
+    return density
+
+
+def dispersion(model: AbstractModel, fam: Family, F, k, density=1.0) -> Dispersion:
+    """Frequencies of plane waves on the infinite lattice deformed by x = F X.
+
+    Arguments: F (dim, dim) [-]; k (waves, dim) [1/length], in 1D (waves,) too; density ρ > 0 [mass/length^dim].
+    Returns: `Dispersion`.  Raises: ValueError as `symbol`, for a density ≤ 0, a model without an energy.
+    """
+    check_model(model, fam)
+    if not model.hyperelastic:
+        raise ValueError(f"{type(model).__name__} has no energy: its symbol need not be symmetric; use pdjax.symbol")
+    F = deformation_gradient(F, fam.dim)
+    return _dispersion(model, fam, F, _waves(k, fam.dim, F.dtype), _positive(density, F.dtype))
+
+
+@eqx.filter_jit
+def _classical(model: AbstractModel, F: Array, k: Array, density: Array) -> Array:
+    moduli = jax.hessian(model.local_energy)(F)
+    square = jnp.linalg.eigvalsh(jnp.einsum("iJkL,wJ,wL->wik", moduli, k, k)) / density
+    return jnp.where(square >= 0, jnp.sqrt(jnp.where(square > 0, square, 0.0)), jnp.nan)
+
+
+def classical_frequency(model: AbstractModel, F, k, density=1.0) -> Float[Array, "waves dim"]:
+    """ω (waves, dim) [1/time] of plane waves in the classical law behind a model, slowest first: straight lines in |k|.
+
+    Arguments: as `dispersion`. NaN where the law itself is unstable.  Raises: ValueError for a model without a law.
+    """
+    F = jnp.asarray(F)
+    F = deformation_gradient(F, F.shape[0])
+    return _classical(model, F, _waves(k, F.shape[0], F.dtype), _positive(density, F.dtype))
