@@ -22,6 +22,8 @@ _EPILOG = """examples
   pdjax symbol --m 0 --a=-0.02                  one state: its verdict, the wave that decides, its spectrum
   pdjax run singular-bar                        the paper's singular bar, tension and compression, both models
   pdjax run step-bar --strain=-0.001            the paper's step-size bar at one strain
+  pdjax run cuboid --m 0                        the paper's cuboid, pulled and pushed, explicit in time
+  pdjax run wave --a=-0.01 --j 20               the wave at the zone's edge of a compressed bar, which grows
 """
 
 

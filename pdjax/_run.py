@@ -1,9 +1,11 @@
-"""`pdjax run singular-bar` and `pdjax run step-bar`: the scenes of finite bodies on the command line."""
+"""`pdjax run`: the scenes on the command line; here the bars at rest, `_run_motions` has those that move."""
 
 import argparse
 from typing import Any
 
 import numpy as np
+
+from ._run_motions import add_motions, run_cuboid, run_wave
 
 
 def add_run(jobs, formatter) -> None:
@@ -11,8 +13,8 @@ def add_run(jobs, formatter) -> None:
     parser = jobs.add_parser(
         "run",
         formatter_class=formatter,
-        help="a scene of a finite body: singular-bar or step-bar",
-        description="Solve a scene, look at the spectrum of what was found, draw it. Writes OUT.png and OUT.npz.",
+        help="a scene: singular-bar, step-bar, cuboid or wave",
+        description="Solve or run a scene, judge what was found, draw it. Writes OUT.png and OUT.npz.",
     )
     scenes = parser.add_subparsers(dest="scene", required=True, metavar="scene")
     bar = argparse.ArgumentParser(add_help=False)
@@ -31,6 +33,7 @@ def add_run(jobs, formatter) -> None:
     job.add_argument("--strain", type=float, nargs="+", default=[1.0, -1e-4, -1e-3], help="default 1 -0.0001 -0.001")
     job.add_argument("--model", nargs="+", default=["seth-hill"], help="seth-hill, correspondence")
     job.add_argument("--out", default="step-bar", help="name of the files without ending (default step-bar)")
+    add_motions(scenes)
 
 
 def _bar_model(name: str, m: float):
@@ -59,7 +62,12 @@ def _say(what: str, result, error: float) -> str:
 
 
 def run(arguments) -> dict:
-    """Solve, judge and draw the scene asked for; what was found as a dictionary."""
+    """Solve or run the scene asked for, judge and draw it; what was found as a dictionary."""
+    return {"cuboid": run_cuboid, "wave": run_wave}.get(arguments.scene, _bars)(arguments)
+
+
+def _bars(arguments) -> dict:
+    """The bars at rest."""
     import pdjax as pd
     from pdjax._checks import writable, written_whole
 

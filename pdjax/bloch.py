@@ -137,12 +137,22 @@ def symbol(model: AbstractModel, fam: Family, F, k) -> Float[Array, "*waves dim 
     if k.ndim == 0 or k.shape[-1] != fam.dim:
         raise ValueError(f"k must have shape (..., {fam.dim}) for this family; got {k.shape}")
     k = require(k, jnp.isfinite(k), "k must be finite")
+    return _symbol(model, fam, F, k)
+
+
+@eqx.filter_jit
+def _symbol(model: AbstractModel, fam: Family, F: Array, k: Array) -> Array:
     return homogeneous_tangent(model, fam, F)(wave_phases(fam, k))
 
 
 def p_wave_modulus(model: AbstractModel, fam: Family) -> Float[Array, ""]:
     """M = ∂P₁₁/∂F₁₁ at F = I [pressure]: the law's λ + 2μ, as the model on this family has it."""
     check_model(model, fam)
+    return _modulus(model, fam)
+
+
+@eqx.filter_jit
+def _modulus(model: AbstractModel, fam: Family) -> Array:
     I = jnp.eye(fam.dim, dtype=fam.xi.dtype)
     axial = jnp.zeros_like(I).at[0, 0].set(1)
     return jax.jvp(lambda F: affine_stress(model, fam, F), (I,), (axial,))[1][0, 0]

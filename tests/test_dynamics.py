@@ -52,7 +52,7 @@ def final(motion, duration, dt):
 @pytest.fixture(scope="module")
 def exact():
     """The driven bar at t = 5, within its ramp, by an eighth-order method."""
-    history = pd.simulate_diffrax(driven_bar(), 5.0, solver=diffrax.Dopri8(), rtol=1e-12, dt=0.01, saves=4)
+    history = pd.simulate_diffrax(driven_bar(), 5.0, solver=diffrax.Dopri8(), rtol=1e-13, dt=0.01, saves=4)
     return np.concatenate([history.u[-1], history.v[-1]])
 
 
@@ -160,132 +160,22 @@ def test_critical_step_is_that_of_the_spectrum():
     assert pd.critical_time_step(wave) == pytest.approx(2 / float(found.frequency.max()), rel=1e-3)
 
 
-# --- waves --------------------------------------------------------------------------------------------------------
-
-WAVES = [
-    (60, 2 * np.pi * 7 / 60, 1, pd.SethHill(0.3, BAR)),
-    ((10, 8), (2 * np.pi * 3 / 10, 2 * np.pi * 2 / 8), 2, pd.SethHill(1.0, LAW)),
-    ((9, 8), (2 * np.pi * 2 / 9, 2 * np.pi / 8), 2, pd.Correspondence(LAW)),
-]
-
-
-@pytest.mark.parametrize(("n", "k", "dim", "model"), WAVES)
-def test_frequency_of_a_small_wave_is_the_symbols(n, k, dim, model):
-    motion = pd.scenes.wave(n, 3, k, 1e-6, model, dim)
-    J = pd.symbol(model, pd.lattice_family(dim, 3), np.eye(dim), np.atleast_1d(k))
-    omega = float(jnp.sqrt(-jnp.linalg.eigvalsh(J)[0]))
-    dt = 0.004 / omega
-    every = round(2 * np.pi / 8 / 0.004)
-    history = pd.simulate(motion, 2 * np.pi / omega, dt=dt, save_every=every, fields=True, show_progress=False)
-    found = pd.measured_rate(history.times, pd.amplitude(history.u, motion.start))
-    assert found.growth == 0
-    assert abs(found.frequency / omega - 1) < 7e-7  # Verlet's own (ω dt)²/24 = 6.7e-7
-    own = pd.verlet_rate(pd.Rate(0.0, omega), history.dt)
-    assert abs(found.frequency / own.frequency - 1) < 1e-10  # measured 3e-14 to 2e-12
-
-
-def test_a_travelling_wave_keeps_its_shape():
-    k = 2 * np.pi * 3 / 40
-    motion = pd.scenes.wave(40, 3, k, 1e-7, pd.SethHill(1.0, BAR), travelling=True, periods=1.0)
-    history = pd.simulate(motion, dt=0.01, save_every=1, show_progress=False)
-    omega = float(pd.dispersion(motion.scene.model, pd.lattice_family(1, 3), np.eye(1), [k]).frequency[0, 0])
-    x = motion.scene.body.positions - motion.scene.body.positions[0]
-    t = history.times[300]
-    assert worst(history.u[300], 1e-7 * np.cos(k * x - omega * t)) < 1e-5 * 1e-7  # measured; a sign would give 2
-
-
-@pytest.mark.parametrize(
-    ("n", "dim", "k", "model"),
-    [
-        (16, 1, np.pi, pd.SethHill(1.0, BAR)),
-        (16, 1, np.pi, pd.Correspondence(BAR)),
-        (8, 2, (np.pi, np.pi), pd.SethHill(0.0, LAW)),
-        (8, 2, (np.pi, 0.0), pd.Correspondence(LAW)),
-    ],
-)
-def test_a_zero_energy_mode_stands_still(n, dim, k, model):
-    """It holds no energy to first order and feels no force: a standing wave there stays what it was."""
-    motion = pd.scenes.wave(n, 3, k, 1e-8, model, dim, branch=0)
-    assert bool(pd.dispersion(model, pd.lattice_family(dim, 3), np.eye(dim), np.atleast_1d(k)[None]).zero_energy[0, 0])
-    history = pd.simulate(motion, 50.0, dt=0.2, show_progress=False)
-    assert worst(history.u - motion.start) < 1e-4 * 1e-8  # measured below 2e-5 (second order in u0) and 0
-    ordinary = pd.scenes.wave(n, 3, None, 1e-8, model, dim)
-    assert worst(pd.simulate(ordinary, 50.0, dt=0.2, show_progress=False).u - ordinary.start) > 1e-8
-
-
-# --- unstable lattices --------------------------------------------------------------------------------------------
-
-GROWING = [
-    (1, 24, 1.0, -0.01),
-    (1, 24, 0.0, 0.01),
-    (2, 12, 1.0, -0.01),
-    (2, 12, 0.0, -0.01),
-    (2, 12, 0.0, 0.01),
-    (3, 8, 1.0, -0.01),
-    (3, 8, 0.0, -0.01),
-]
-QUIET = [(1, 24, 1.0, 0.01), (1, 24, 0.0, -0.01), (2, 12, 1.0, 0.01), (3, 8, 1.0, 0.01), (3, 8, 0.0, 0.01)]
-
-
-def perturbed(dim, n, m, a):
-    """A periodic lattice in the state (1 + a) I, perturbed by noise of 1e-12, and the waves that fit it."""
-    model = pd.SethHill(m, BAR if dim == 1 else LAW)
-    F = (1 + a) * np.eye(dim)
-    noise = 1e-12 * np.random.default_rng(dim).normal(size=(n**dim, dim))
-    body = pd.lattice((n,) * dim, 1.0, periodic=True)
-    fixed = pd.scene(body, pd.families(body, 3.0), model, mean=F, moving=True)
-    axes = np.meshgrid(*[2 * np.pi * np.arange(n) / n] * dim, indexing="ij")
-    waves = np.stack(axes, -1).reshape(-1, dim)
-    return pd.motion(fixed, start=noise), pd.dispersion(model, pd.lattice_family(dim, 3), F, waves), F
-
-
-@pytest.mark.parametrize(("dim", "n", "m", "a"), GROWING)
-def test_an_unstable_lattice_grows_at_the_rate_of_the_symbol(dim, n, m, a):
-    motion, waves, F = perturbed(dim, n, m, a)
-    top = int(jnp.argmax(waves.growth[:, 0]))
-    rate = float(waves.growth[top, 0])
-    verdict = pd.stability(motion.scene.model, pd.lattice_family(dim, 3), F)
-    assert verdict.verdict == "unstable"
-    assert rate <= float(verdict.eigenvalue) ** 0.5 * (1 + 1e-12)
-    assert rate > 0.995 * float(verdict.eigenvalue) ** 0.5  # the box holds the worst wave, or one 0.17 % below it
-    x = motion.scene.body.positions
-    mode = np.cos((x - x[0]) @ np.asarray(waves.k[top]))[:, None] * np.asarray(waves.mode[top, :, 0])
-    dt = 0.4 * pd.critical_time_step(motion)
-    grown = 14.0 / rate  # e¹⁴ = 1.2e6
-    history = pd.simulate(motion, grown, dt=dt, save_every=round(0.2 / rate / dt), show_progress=False)
-    late = history.times > 4.0 / rate
-    found = pd.measured_rate(history.times[late], pd.amplitude(history.u, mode)[late])
-    own = pd.verlet_rate(pd.Rate(rate, 0.0), history.dt)
-    assert abs(found.growth / rate - 1) < 1e-2  # the issue's; measured
-    assert abs(found.growth / own.growth - 1) < 1e-5  # measured
-    assert worst(history.u[-1]) > 1e-8
-
-
-@pytest.mark.parametrize(("dim", "n", "m", "a"), QUIET)
-def test_a_stable_lattice_does_not_grow(dim, n, m, a):
-    motion, _, F = perturbed(dim, n, m, a)
-    assert pd.stability(motion.scene.model, pd.lattice_family(dim, 3), F).verdict == "stable"
-    history = pd.simulate(motion, 120.0, show_progress=False)
-    drift = history.u - history.u.mean(axis=1, keepdims=True)
-    assert worst(drift) < 10 * worst(motion.start)  # measured at most 2
-
-
 # --- diffrax ------------------------------------------------------------------------------------------------------
 
 SOLVERS = [
-    (diffrax.Euler(), 1),
-    (diffrax.Heun(), 2),
-    (diffrax.Bosh3(), 3),
-    (diffrax.Tsit5(), 5),
-    (diffrax.ImplicitEuler(), 1),
-    (diffrax.Kvaerno3(), 3),
+    (diffrax.Euler(), 1, 128),
+    (diffrax.Heun(), 2, 64),
+    (diffrax.Bosh3(), 3, 64),
+    (diffrax.Tsit5(), 5, 32),
+    (diffrax.ImplicitEuler(), 1, 128),
+    (diffrax.Kvaerno3(), 3, 64),
 ]
 
 
-@pytest.mark.parametrize(("solver", "order"), SOLVERS, ids=lambda x: type(x).__name__)
-def test_each_diffrax_solver_has_its_order(exact, solver, order):
+@pytest.mark.parametrize(("solver", "order", "coarse"), SOLVERS, ids=lambda x: type(x).__name__)
+def test_each_diffrax_solver_has_its_order(exact, solver, order, coarse):
     errors = []
-    for steps in (64, 128):
+    for steps in (coarse, 2 * coarse):
         history = pd.simulate_diffrax(driven_bar(), 5.0, solver=solver, dt=5.0 / steps, saves=1)
         assert history.finished and history.steps == steps
         errors.append(worst(np.concatenate([history.u[-1], history.v[-1]]), exact))

@@ -74,17 +74,12 @@ def kept_symmetry(F, fam: Family, isotropic: bool) -> str:
     return "tetragonal" if (stretch[1:] == stretch[1]).all() else "orthorhombic"
 
 
-@eqx.filter_jit
-def _modulus(model, fam):
-    return p_wave_modulus(model, fam)
-
-
 def check_at_rest(model: AbstractModel, fam: Family) -> None:
     """Refuse a singular family, and a model whose P-wave modulus is not positive: every margin is divided by it."""
     check_model(model, fam)
     if is_concrete(model, fam):
         with jax.ensure_compile_time_eval():
-            M = float(_modulus(model, fam))
+            M = float(p_wave_modulus(model, fam))
         if not M > 0:
             raise ValueError(
                 f"law must have a positive P-wave modulus (lam + 2 mu) at rest; this one has {M:g}:"

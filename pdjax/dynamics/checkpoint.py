@@ -64,7 +64,7 @@ def save(path: str | os.PathLike, name: str, state: State, records: list[Any]) -
     arrays |= {f"record_{k}": np.stack([np.asarray(x) for x in column]) for k, column in enumerate(columns)}
     try:
         with written_whole(path) as stream:
-            np.savez(stream, fingerprint=name, version=VERSION, **arrays)
+            np.savez(stream, fingerprint=name, version=VERSION, **arrays)  # type: ignore[arg-type]
     except OSError as error:
         warnings.warn(
             f"checkpoint {path} could not be written ({error}); the run goes on and the last checkpoint is as it was",

@@ -10,6 +10,7 @@ Verlet with step Δt does not run at ω but at (2/Δt) arcsin(ωΔt/2), and grow
 
 from typing import Any, NamedTuple
 
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
@@ -37,6 +38,11 @@ def measured_rate(times, amplitudes) -> Rate:
     times, a = jnp.asarray(times), jnp.asarray(amplitudes)
     if a.shape[0] < 3 or a.shape != times.shape:
         raise ValueError(f"a rate needs at least 3 saves, times and amplitudes alike; got {times.shape} and {a.shape}")
+    return _fit(times, a)
+
+
+@jax.jit
+def _fit(times: Array, a: Array) -> Rate:
     h = (times[-1] - times[0]) / (len(times) - 1)
     size = jnp.max(jnp.abs(a))
     a = a / jnp.where(size > 0, size, 1.0)

@@ -138,7 +138,7 @@ def simulate_diffrax(
     if rtol is not None:
         controller = diffrax.PIDController(rtol=rtol, atol=rtol * size if atol is None else atol)
     elif isinstance(solver, diffrax.AbstractImplicitSolver):  # no controller to take the tolerances of its Newton from
-        newton = diffrax.VeryChord(rtol=ROOT, atol=ROOT * size, norm=optx.max_norm)
+        newton = diffrax.VeryChord(rtol=ROOT, atol=ROOT * size, norm=optx.max_norm)  # type: ignore[arg-type]
         solver = eqx.tree_at(lambda s: s.root_finder, solver, newton)
     adjoint = diffrax.RecursiveCheckpointAdjoint() if adjoint is None else adjoint
     found = _run(motion, terms, solver, controller, jnp.asarray(dt, real), times, max_steps, adjoint)
@@ -151,7 +151,7 @@ def simulate_diffrax(
     code, told = DONE, None
     finite = np.isfinite(np.asarray(q)).all(axis=1) & np.isfinite(np.asarray(w)).all(axis=1)
     if found.result != diffrax.RESULTS.successful or not finite.all():
-        code, told = SOLVER_FAILED, _last_finite(motion, times, u, v, finite, diffrax.RESULTS[found.result])
+        code, told = SOLVER_FAILED, _last_finite(motion, times, u, v, finite, diffrax.RESULTS[found.result])  # type: ignore
     history = History(
         np.asarray(times), np.asarray(u), np.asarray(v), budget, observed, duration / int(steps), int(steps), code, told
     )

@@ -68,7 +68,8 @@ def wave(
     Arguments: n points along each side, or a shape; N; k (dim,), or its first component [1/length]: it must fit the
         box, k_i = 2π j/n_i (default: the longest wave along x); u0 [length]; model by default of order 1 and unit
         modulus; dim; F (dim, dim) mean deformation; branch −1 the fastest, 0 the slowest; travelling; density; periods:
-        the natural duration is that many periods (of a classical P-wave where the mode does not oscillate).
+        the natural duration is that many periods; of a classical P-wave for a mode that stands still; of one that
+        grows, until it is 1 % of the spacing.
     Raises: ValueError for a k that doesn't fit (with the nearest that does), a box of two horizons or less.
     """
     N = _ratio(N)
@@ -95,7 +96,9 @@ def wave(
     start = u0 * jnp.cos(phase) * e
     velocity = omega * u0 * jnp.sin(phase) * e if travelling else jnp.zeros_like(start)
     fixed = scene(body, families(body, N), model, mean=mean, closed_form=start, moving=True, name="wave")
-    slow = jnp.sqrt(p_wave_modulus(model, fam) / density) * np.linalg.norm(given)
-    rate = jnp.where(omega > 0, omega, slow)
-    duration = periods * 2 * np.pi / float(rate) if is_concrete(rate) and float(rate) > 0 else None
+    duration = None
+    if is_concrete(omega, u0):
+        rate, growth = float(omega), float(found.growth[0, branch])
+        rate = rate or float(jnp.sqrt(p_wave_modulus(model, fam) / density)) * float(np.linalg.norm(given))
+        duration = math.log(max(1e-2 / abs(u0), 10.0)) / growth if growth else periods * 2 * np.pi / rate
     return motion(fixed, density, start=start, velocity=velocity, duration=duration)

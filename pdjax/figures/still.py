@@ -1,4 +1,4 @@
-"""Figures: arrays in, a matplotlib Figure out. Imported when first used, by nothing else in the package.
+"""Maps, spectra and bars at rest: arrays in, a matplotlib Figure out.
 
 The same colour means the same criterion everywhere (Okabe & Ito's colour-blind-safe set).
 """
@@ -14,9 +14,9 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter
 
-from . import closed_forms
-from .criteria import verdicts
-from .maps import StabilityMap
+from .. import closed_forms
+from ..criteria import verdicts
+from ..maps import StabilityMap
 
 COLOURS = {
     "symbol": "#000000",

@@ -1,0 +1,190 @@
+"""The paper's cuboid: who survives how far, and did the symbol say so?
+
+A 4 × 1 × 1 body is pulled and pushed at a constant rate. Alternation between neighbours (¼ second differences, root
+mean square, over h) tells when a run goes bad; its onset is where it passes ONSET. The prediction is linear: the
+alternation at START, times exp ∫ γ dt with the growth rate γ = √(λ_max/ρ) of the symbol on the path of uniaxial stress,
+and of the body's own Jacobian in the homogeneous state of that stress.
+"""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from _harness import write
+from matplotlib.figure import Figure
+
+import pdjax as pd
+from pdjax._run_motions import roughness
+from pdjax.figures import COLOURS
+
+jax.config.update("jax_enable_x64", True)
+LAW = pd.LinearElastic(lam=1.0, mu=1.0)
+MODULUS = 2.5  # Young's, for lam = mu = 1
+FAMILY = pd.lattice_family(3, 3)
+ONSET, START = 1e-2, 2e-3  # alternation over h; strain from which the prediction runs
+STRAINS = np.array([0.002, 0.005, 0.01, 0.015, 0.02, 0.03, 0.04, 0.06, 0.08, 0.1])
+
+
+def pull(model, strain: float, rate: float, shape, halved: bool = False) -> dict:
+    """One run: strains, force, alternation of each component, onset."""
+    motion = pd.scenes.cuboid(shape, 3, strain, rate, model)
+    body = motion.scene.body
+    h = body.spacing
+    dt = 0.8 * pd.critical_time_step(motion) / (2 if halved else 1)
+    steps = int(np.ceil(motion.duration / dt / 100)) * 100
+    history = pd.simulate(
+        motion,
+        dt=motion.duration / steps,
+        save_every=steps // 100,
+        observers={"force": pd.observers.section_force(body, 0.5 * h * shape[0])},
+        show_progress=False,
+    )
+    reached = strain * np.minimum(history.times / motion.duration, 1)
+    rough = np.array([roughness(history.u, shape, k) / h for k in range(3)])
+    worst = rough.max(axis=0)
+    over = np.flatnonzero(worst > ONSET)
+    last = np.asarray(history.u[-1])
+    print(f"{strain:+g} rate {rate:g}: {history}", flush=True)
+    return {
+        "strain": reached.tolist(),
+        "force over E0 A": (history.observed["force"][:, 0] / (MODULUS * h**2 * shape[1] * shape[2])).tolist(),
+        "alternation over h": {axis: rough[k].tolist() for k, axis in enumerate("xyz")},
+        "onset": float(reached[over[0]]) if len(over) else None,
+        "reached": float(reached[-1]),
+        "finished": history.finished,
+        "reason": history.reason,
+        "steps": int(history.steps),
+        "energy error": float(np.abs(history.energies.error).max()),
+        "_u": last,
+    }
+
+
+def growth(model, sign: float) -> np.ndarray:
+    """γ of the symbol along uniaxial stress at STRAINS, spacing 1."""
+    rates = []
+    for strain in sign * STRAINS:
+        found = pd.stability(model, FAMILY, pd.uniaxial_stress(strain, model, FAMILY))
+        rates.append(max(float(found.eigenvalue), 0.0) ** 0.5 if found.verdict == "unstable" else 0.0)
+    return np.array(rates)
+
+
+def growth_of_body(model, sign: float, shape) -> np.ndarray:
+    """γ of the body itself, its middle held by the ends, in the homogeneous state of uniaxial stress."""
+    motion = pd.scenes.cuboid(shape, 3, sign * 0.1, 0.005, model)
+    body = motion.scene.body
+    centre = body.positions - body.positions.mean(axis=0)
+    rates = []
+    for strain in sign * STRAINS:
+        F = np.asarray(pd.uniaxial_stress(strain, model, FAMILY))
+        u = jnp.asarray(centre @ (F - np.eye(3)).T)
+        values, _, _ = pd.body_spectrum(motion.scene, u, 1, float(abs(strain) / 0.1), "matrix_free")
+        rates.append(max(float(values[0]), 0.0) ** 0.5)
+    return np.array(rates)
+
+
+def predicted(run: dict, rates: np.ndarray, rate: float, per_side: float = 1.0) -> tuple[np.ndarray, float | None]:
+    """Alternation over strain by linear growth, and the strain at which it passes ONSET."""
+    strain = np.abs(run["strain"])
+    gamma = per_side * np.interp(strain, np.r_[0.0, STRAINS], np.r_[0.0, rates])
+    exponent = np.concatenate([[0], np.cumsum(0.5 * (gamma[1:] + gamma[:-1]) * np.diff(strain))]) / rate
+    worst = np.max(list(run["alternation over h"].values()), axis=0)
+    first = int(np.searchsorted(strain, START))
+    curve = worst[first] * np.exp(exponent - exponent[first])
+    over = np.flatnonzero((curve > ONSET) & (np.arange(len(curve)) > first))
+    return curve, float(strain[over[0]]) if len(over) else None
+
+
+def main() -> None:
+    shape, rate = (32, 8, 8), 0.005
+    side = shape[-1]  # the symbol's rates are per unit of h/c, the body's side is 1
+    models = {"m = 0": pd.SethHill(0.0, LAW), "m = 1": pd.SethHill(1.0, LAW), "Silling": pd.Correspondence(LAW)}
+    runs, gammas, own = {}, {}, {}
+    for name, model in models.items():
+        for sign in (1.0, -1.0):
+            key = f"{name}, {'tension' if sign > 0 else 'compression'}"
+            runs[key] = pull(model, sign * 0.1, rate, shape)
+            gammas[key] = side * growth(model, sign)
+            own[key] = growth_of_body(model, sign, shape)
+    halved = {
+        side_name: pull(models["m = 0"], sign * 0.1, rate, shape, halved=True)
+        for side_name, sign in (("tension", 1.0), ("compression", -1.0))
+    }
+    slower = {}
+    for other in (0.02, 0.01, 0.0025):
+        run = pull(models["m = 0"], -0.1, other, shape)
+        key = "m = 0, compression"
+        slower[other] = {
+            "seen": run["onset"],
+            "symbol": predicted(run, gammas[key], other)[1],
+            "body": predicted(run, own[key], other)[1],
+        }
+    orders = np.linspace(-2, 2, 17)
+    least = [(float(m), *(float(growth(pd.SethHill(float(m), LAW), s)[6]) for s in (1.0, -1.0))) for m in orders]
+
+    figure = Figure(figsize=(11.4, 7.6), layout="constrained")
+    axes = figure.subplots(2, 3)
+    shades = {"m = 0": COLOURS["symbol"], "m = 1": COLOURS["local"], "Silling": COLOURS["diagonal"]}
+    table = {}
+    for key, run in runs.items():
+        name, where = key.split(", ")
+        row = 0 if where == "tension" else 1
+        strain = 100 * np.array(run["strain"])
+        axes[row, 0].plot(strain, run["force over E0 A"], color=shades[name], linewidth=1.2, label=name)
+        worst = np.max(list(run["alternation over h"].values()), axis=0)
+        axes[row, 1].semilogy(strain[1:], worst[1:], color=shades[name], linewidth=1.4, label=f"{name}, seen")
+        curve, by_symbol = predicted(run, gammas[key], rate)
+        again, by_body = predicted(run, own[key], rate)
+        axes[row, 1].semilogy(strain[1:], curve[1:], "--", color=shades[name], linewidth=0.9)
+        axes[row, 1].semilogy(strain[1:], again[1:], ":", color=shades[name], linewidth=1.2)
+        table[key] = {
+            "onset seen": run["onset"],
+            "onset by the symbol": by_symbol,
+            "onset by the body's Jacobian": by_body,
+            "symbol's growth rates": dict(zip((100 * STRAINS).round(3).tolist(), gammas[key].tolist(), strict=True)),
+            "body's growth rates": dict(zip((100 * STRAINS).round(3).tolist(), own[key].tolist(), strict=True)),
+            "finished": run["finished"],
+            "energy error": run["energy error"],
+            "steps": run["steps"],
+        }
+    for where, run in halved.items():
+        row = 0 if where == "tension" else 1
+        strain = 100 * np.array(run["strain"])
+        axes[row, 0].plot(strain, run["force over E0 A"], ":", color=shades["m = 0"], label="m = 0, half the step")
+        table[f"m = 0, {where}, half the step"] = {"onset seen": run["onset"], "steps": run["steps"]}
+    for row, where in enumerate(("tension", "compression")):
+        axes[row, 0].set_title(f"{where}: force", fontsize=10)
+        axes[row, 0].set_ylabel("force / (E₀ A)  [–]")
+        axes[row, 1].set_title("seen (full), predicted by symbol (dashed), by body (dotted)", fontsize=9)
+        axes[row, 1].axhline(ONSET, color="#888888", linewidth=0.7)
+        axes[row, 1].set_ylim(1e-7, 3)
+        axes[row, 1].set_ylabel("alternation / h  [–]")
+        for on in axes[row, :2]:
+            on.set_xlabel("strain of the ends  [%]")
+            on.legend(frameon=False, fontsize=8)
+    u = runs["m = 0, compression"]["_u"].reshape(*shape, 3) * side
+    for row, k in enumerate((0, 1)):
+        plane = u[:, :, shape[2] // 2, k].T
+        limit = np.abs(plane).max()
+        image = axes[row, 2].imshow(plane, origin="lower", cmap="RdBu_r", vmin=-limit, vmax=limit, extent=(0, 4, 0, 1))
+        axes[row, 2].set_title(f"m = 0 at −10 %: u_{'xy'[k]} / h, plane z = ½", fontsize=9)
+        axes[row, 2].set_xlabel("x / side  [–]")
+        figure.colorbar(image, ax=axes[row, 2], shrink=0.6)
+    figure.suptitle(f"Cuboid {shape}, N = 3, λ = μ = ρ = 1, strain rate {rate:g}", fontsize=11)
+    for run in [*runs.values(), *halved.values()]:
+        run.pop("_u")
+    write(
+        "cuboid",
+        {
+            "shape": shape,
+            "rate": rate,
+            "onset is alternation / h above": ONSET,
+            "prediction starts at strain": START,
+            "onsets": table,
+            "onset of m = 0 in compression at other rates": slower,
+            "growth rate of the symbol at 4 % over the order: (m, tension, compression), h = c = 1": least,
+        },
+        figure,
+    )
+
+
+if __name__ == "__main__":
+    main()

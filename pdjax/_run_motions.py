@@ -1,0 +1,233 @@
+"""`pdjax run cuboid` and `pdjax run wave`: the scenes that move on the command line."""
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+
+def add_motions(scenes) -> None:
+    """Add `cuboid` and `wave` to the scenes of `run`."""
+    common = argparse.ArgumentParser(add_help=False)
+    common.add_argument("--N", type=float, default=3.0, help="horizon over spacing (default 3)")
+    common.add_argument("--lam", type=float, default=1.0, help="first Lamé constant of the linear law (default 1)")
+    common.add_argument(
+        "--mu", type=float, default=1.0, help="shear modulus of the linear law (default 1; unused in 1D)"
+    )
+    common.add_argument(
+        "--dt", type=float, help="time step (default 0.8 of the critical one, for a wave at most 1/300 period)"
+    )
+    common.add_argument("--animate", metavar="FILE", help="also a moving picture, FILE.gif (or .mp4 with ffmpeg)")
+    common.add_argument("--vtk", metavar="NAME", help="also files for ParaView, NAME.vtu.series (needs pdjax[vtk])")
+    common.add_argument("--json", action="store_true", help="print one JSON object instead of text")
+
+    job = scenes.add_parser("cuboid", parents=[common], help="a 3D body pulled or pushed by its ends, explicit in time")
+    job.add_argument("--shape", type=int, nargs=3, default=[24, 6, 6], help="cells along x, y, z (default 24 6 6)")
+    job.add_argument("--m", type=float, default=0.0, help="order of the Seth–Hill strain (default 0, the paper's)")
+    job.add_argument("--model", default="seth-hill", help="seth-hill or correspondence (default seth-hill)")
+    job.add_argument("--strain", type=float, nargs="+", default=[0.1, -0.1], help="of the ends (default 0.1 -0.1)")
+    job.add_argument("--rate", type=float, default=0.005, help="strain rate, over the unit of time (default 0.005)")
+    job.add_argument("--checkpoint", metavar="FILE", help="write and, where it exists, go on from FILE-STRAIN.npz")
+    job.add_argument("--out", default="cuboid", help="name of the files without ending (default cuboid)")
+
+    job = scenes.add_parser(
+        "wave", parents=[common], help="a plane wave on a periodic lattice, and its frequency or growth"
+    )
+    job.add_argument("--dim", type=int, default=1, choices=(1, 2, 3), help="dimension (default 1)")
+    job.add_argument("--n", type=int, default=40, help="points along each side (default 40)")
+    job.add_argument("--j", type=int, nargs="+", default=[4], help="wave lengths along each side (default 4)")
+    job.add_argument("--m", type=float, default=1.0, help="order of the Seth–Hill strain (default 1)")
+    job.add_argument("--model", default="seth-hill", help="seth-hill or correspondence (default seth-hill)")
+    job.add_argument("--a", type=float, default=0.0, help="hydrostatic strain below the wave (default 0)")
+    job.add_argument("--u0", type=float, default=1e-6, help="amplitude over spacing (default 1e-6)")
+    job.add_argument("--branch", type=int, default=-1, help="0 the slowest (or growing), −1 the fastest (default)")
+    job.add_argument(
+        "--periods",
+        type=float,
+        default=4.0,
+        help="how long it runs (default 4 periods; a growing mode to 1 %% of the spacing)",
+    )
+    job.add_argument("--out", default="wave", help="name of the files without ending (default wave)")
+
+
+def _model(arguments, dim: int):
+    import pdjax as pd
+    from pdjax._checks import choice
+
+    law = pd.LinearElastic(lam=arguments.lam, mu=arguments.mu if dim > 1 else 0.0)  # type: ignore[call-arg, arg-type]
+    choice("model", arguments.model, ("seth-hill", "correspondence"))
+    return pd.SethHill(arguments.m, law) if arguments.model == "seth-hill" else pd.Correspondence(law)  # type: ignore
+
+
+def _extras(arguments, scene, history, name: str) -> dict[str, str]:
+    """Pictures and files that were asked for beside the figure."""
+    import pdjax as pd
+    from pdjax.export import write_vtk
+
+    out = {}
+    if arguments.animate:
+        file = Path(arguments.animate)
+        file = file if not name else file.with_name(f"{file.stem}{name}{file.suffix}")
+        out["animation"] = str(pd.figures.animation(scene, history, file, component=scene.body.dim - 1))
+    if arguments.vtk:
+        out["vtk"] = str(write_vtk(scene, history, f"{arguments.vtk}{name}"))
+    return out
+
+
+def _check_outputs(arguments) -> tuple[Path, Path]:
+    """Every file that will be written, looked at before the run."""
+    from pdjax._checks import writable
+
+    for extra in (arguments.animate, arguments.vtk):
+        if extra:
+            writable(extra)
+    if arguments.vtk:
+        import importlib.util
+
+        if importlib.util.find_spec("meshio") is None:
+            raise ValueError("--vtk needs meshio: pip install 'pdjax[vtk]'")
+    picture, data = (writable(f"{arguments.out}.{ending}") for ending in ("png", "npz"))
+    return picture, data
+
+
+def roughness(u: np.ndarray, shape: tuple[int, ...], axis: int) -> np.ndarray:
+    """How much a component alternates between neighbours (saves,) [length]: ¼ second differences, root mean square.
+
+    The largest over the three directions; a smooth field's is of the order of h² u''/4.
+    """
+    field = u[..., axis].reshape(len(u), *shape)
+    sizes = [np.diff(field, 2, axis=k + 1) / 4 for k in range(len(shape)) if shape[k] > 2]
+    return np.max([np.sqrt(np.mean(d**2, axis=tuple(range(1, d.ndim)))) for d in sizes], axis=0)
+
+
+def run_cuboid(arguments) -> dict:
+    """Pull and push the cuboid; what was found as a dictionary."""
+    import pdjax as pd
+    from pdjax._checks import written_whole
+
+    picture, data = _check_outputs(arguments)
+    model = _model(arguments, 3)
+    modulus = arguments.mu * (3 * arguments.lam + 2 * arguments.mu) / (arguments.lam + arguments.mu)
+    runs, rows, arrays, field = {}, [], {}, None
+    for strain in arguments.strain:
+        motion = pd.scenes.cuboid(arguments.shape, arguments.N, strain, arguments.rate, model)
+        scene = motion.scene
+        h, shape = scene.body.spacing, scene.body.shape
+        watch = {"section": pd.observers.section_force(scene.body, 0.5 * h * shape[0])}
+        keep = Path(f"{arguments.checkpoint}-{strain:g}.npz") if arguments.checkpoint else None
+        history = pd.simulate(
+            motion,
+            dt=arguments.dt,
+            observers=watch,
+            checkpoint=keep,
+            resume=keep is not None and keep.exists(),
+            show_progress=not arguments.json,
+        )
+        area = h**2 * shape[1] * shape[2]
+        reached = strain * np.minimum(history.times / motion.duration, 1)
+        force = history.observed["section"][:, 0] / (modulus * area)
+        rough = {axis: roughness(history.u, shape, k) / h for k, axis in enumerate("xyz")}
+        name = f"strain {strain:g}"
+        runs[name] = {"strain": reached, "force": force}
+        runs[f"E₀ × strain, {strain:g}"] = {"strain": reached, "force": reached, "style": ":"}
+        field = {"u": history.u[-1], "shape": shape, "spacing": h, "name": name}
+        arrays |= {
+            f"{name} strain": reached,
+            f"{name} force": force,
+            f"{name} u": history.u[-1],
+            "X": scene.body.positions,
+        }
+        arrays |= {f"{name} roughness {axis}": values for axis, values in rough.items()}
+        row = {
+            "strain": strain,
+            "finished": history.finished,
+            "reason": history.reason,
+            "steps": history.steps,
+            "dt": float(history.dt),
+            "energy_error": float(np.abs(history.energies.error).max()),
+            "force": float(force[-1]),
+            "roughness": {axis: float(values[-1]) for axis, values in rough.items()},
+            **_extras(arguments, scene, history, f"-{strain:g}"),
+        }
+        rows.append(row)
+        if not arguments.json:
+            print(f"{name}: {history}")
+            print(f"  force through the middle {force[-1]:+.4f} E₀ A, where a classical bar has {reached[-1]:+.4f}")
+            print("  alternation between neighbours / h: " + ", ".join(f"u_{a} {v[-1]:.1e}" for a, v in rough.items()))
+    which = f"m = {arguments.m:g}" if arguments.model == "seth-hill" else "Silling's correspondence"
+    title = f"cuboid of {' × '.join(map(str, arguments.shape))} points, N = {arguments.N:g}, {which}"
+    figure = pd.figures.cuboid(runs, title, field)
+    with written_whole(picture) as stream:
+        figure.savefig(stream, format="png", dpi=150)
+    with written_whole(data) as stream:
+        np.savez(stream, **arrays)
+    if not arguments.json:
+        print(f"wrote {picture} and {data}")
+    return {"figure": str(picture), "data": str(data), "cases": rows}
+
+
+def run_wave(arguments) -> dict:
+    """Run a wave, measure its frequency or growth, set it beside the symbol's; what was found as a dictionary."""
+    import pdjax as pd
+    from pdjax._checks import written_whole
+
+    picture, data = _check_outputs(arguments)
+    dim, n = arguments.dim, arguments.n
+    if len(arguments.j) > dim:
+        raise ValueError(f"--j takes at most {dim} numbers in {dim}D; got {arguments.j}")
+    model = _model(arguments, dim)
+    k = 2 * np.pi * np.array([*arguments.j, *[0] * (dim - len(arguments.j))]) / n
+    F = (1 + arguments.a) * np.eye(dim) if arguments.a else None
+    how = {"F": F, "branch": arguments.branch, "periods": arguments.periods}
+    motion = pd.scenes.wave(n, arguments.N, k, arguments.u0, model, dim, **how)
+    fam = pd.lattice_family(dim, arguments.N)
+    found = pd.dispersion(model, fam, np.eye(dim) if F is None else F, k[None])
+    omega, growth = (float(x[0, arguments.branch]) for x in (found.frequency, found.growth))
+    still = bool(found.zero_energy[0, arguments.branch])
+    dt = arguments.dt
+    if dt is None:  # 300 steps a period: Verlet's frequency is then right to 2e-5
+        dt = min(0.8 * pd.critical_time_step(motion), 0.02 / (omega or growth or motion.duration / 25))
+    history = pd.simulate(motion, dt=dt, show_progress=not arguments.json)
+    size = np.asarray(pd.amplitude(history.u, motion.start))
+    measured = pd.measured_rate(history.times, size)
+    own = pd.verlet_rate(pd.Rate(growth, omega), history.dt)
+    law = {"symbol": np.cosh(growth * history.times) if growth else np.cos(omega * history.times)}
+    kind = "zero-energy mode" if still else "growing mode" if growth else "wave"
+    waves = ", ".join(f"{x:.4g}" for x in k / np.pi)
+    title = f"{kind} k = ({waves}) π/h, {dim}D, m = {arguments.m:g}, a = {arguments.a:g}, u₀ = {arguments.u0:g} h"
+    figure = pd.figures.motion(history, size, law, title, "[h √(ρ/E₀)]")
+    with written_whole(picture) as stream:
+        figure.savefig(stream, format="png", dpi=150)
+    arrays: dict[str, Any] = {
+        "times": history.times,
+        "amplitude": size,
+        "u": history.u,
+        "X": motion.scene.body.positions,
+    }
+    with written_whole(data) as stream:
+        np.savez(stream, **arrays)
+    out = {
+        "k": k.tolist(),
+        "kind": kind,
+        "symbol": {"frequency": omega, "growth": growth},
+        "measured": {"frequency": float(measured.frequency), "growth": float(measured.growth)},
+        "verlet": {"frequency": float(own.frequency), "growth": float(own.growth)},
+        "dt": float(history.dt),
+        "steps": history.steps,
+        "finished": history.finished,
+        "reason": history.reason,
+        "energy_error": float(np.abs(history.energies.error).max()),
+        "figure": str(picture),
+        "data": str(data),
+        **_extras(arguments, motion.scene, history, ""),
+    }
+    if not arguments.json:
+        print(f"{kind}, k = ({waves}) π/h")
+        print(f"  symbol:   frequency {omega:.8g}, growth {growth:.8g}")
+        print(f"  measured: frequency {measured.frequency:.8g}, growth {measured.growth:.8g}")
+        print(
+            f"  Verlet's: frequency {own.frequency:.8g}, growth {own.growth:.8g} (exact for its step {history.dt:.4g})"
+        )
+        print(f"{history}\nwrote {picture} and {data}")
+    return out

@@ -1,0 +1,19 @@
+"""Figures: arrays in, a matplotlib Figure out. Imported when first used, by nothing else in the package."""
+
+from .moving import Branch, animation, cuboid, dispersion_curves, motion
+from .still import COLOURS, LABELS, STYLES, BarCase, bars, dispersion, stability_map
+
+__all__ = [
+    "COLOURS",
+    "LABELS",
+    "STYLES",
+    "BarCase",
+    "Branch",
+    "animation",
+    "bars",
+    "cuboid",
+    "dispersion",
+    "dispersion_curves",
+    "motion",
+    "stability_map",
+]
