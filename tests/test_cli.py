@@ -58,6 +58,12 @@ def test_symbol_says_what_the_library_says(tmp_path, capsys):
         (["run", "singular-bar", "--stress=-0.5"], "no local equilibrium at the loaded end"),
         (["run", "singular-bar", "--model", "rubber"], "model must be one of"),
         (["run", "singular-bar", "--out", "no-such-folder/x"], "does not exist"),
+        (["run", "wave", "--n", "6"], "longer than two horizons"),
+        (["run", "wave", "--j", "1", "2"], "--j takes at most 1 numbers in 1D"),
+        (["run", "wave", "--j", "2", "--dt=-1"], "dt must be finite and > 0"),
+        (["run", "wave", "--animate", "nowhere/x.gif"], "does not exist"),
+        (["run", "cuboid", "--shape", "6", "2", "2"], "more than 12 cells"),
+        (["run", "cuboid", "--rate", "0"], "rate must be"),
     ],
 )
 def test_bad_input_is_said_and_leaves_nothing(arguments, words, tmp_path, capsys, monkeypatch):
@@ -105,3 +111,38 @@ def test_run_singular_bar_in_json(tmp_path, capsys):
     assert all(c["converged"] and c["kind"] == "minimum" for c in cases)
     assert cases[0]["distance"] < 0.5 * cases[1]["distance"]  # measured 0.12 and 0.38
     assert (tmp_path / "bar.png").stat().st_size > 10_000
+
+
+def test_run_wave_measures_what_the_symbol_says(tmp_path, capsys):
+    arguments = [
+        "run",
+        "wave",
+        "--a=-0.01",
+        "--n",
+        "16",
+        "--j",
+        "8",
+        "--branch",
+        "0",
+        "--out",
+        str(tmp_path / "w"),
+        "--json",
+    ]
+    assert main(arguments) == 0
+    said = json.loads(capsys.readouterr().out)
+    assert said["kind"] == "growing mode" and said["finished"]
+    assert said["symbol"]["growth"] == pytest.approx(0.1214115, abs=1e-6)
+    assert said["measured"]["growth"] == pytest.approx(said["symbol"]["growth"], rel=1e-2)
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["w.npz", "w.png"]
+
+
+def test_run_cuboid_says_how_it_ended(tmp_path, capsys):
+    arguments = ["run", "cuboid", "--shape", "9", "3", "3", "--N", "2", "--strain=-0.02", "--rate", "0.01"]
+    keep = ["--checkpoint", str(tmp_path / "keep"), "--out", str(tmp_path / "c")]
+    assert main([*arguments, *keep]) == 0
+    said = capsys.readouterr().out
+    assert "ran to its end" in said and "alternation between neighbours" in said
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["c.npz", "c.png", "keep--0.02.npz"]
+    force = np.load(tmp_path / "c.npz")["strain -0.02 force"]
+    assert main([*arguments, *keep]) == 0  # everything is in the checkpoint: the same numbers again
+    assert np.array_equal(np.load(tmp_path / "c.npz")["strain -0.02 force"], force)

@@ -7,9 +7,10 @@ ROOT = Path(__file__).parent.parent
 TEXT = (ROOT / "README.md").read_text()
 
 
-def test_python_blocks_run(capsys):
+def test_python_blocks_run(capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)  # a checkpoint is written
     blocks = re.findall(r"```python\n(.*?)```", TEXT, flags=re.S)
-    assert len(blocks) == 3
+    assert len(blocks) == 4
     scope: dict = {}
     for block in blocks:
         exec(compile(block, "README.md", "exec"), scope)
@@ -18,6 +19,8 @@ def test_python_blocks_run(capsys):
     assert "\nstable\n" in said  # the diagonal's verdict
     assert "-0.0254" in said
     assert "\nTrue saddle\n" in said
+    assert "\n0.121" in said and "[[0.1214" in said  # the growth measured and the symbol's
+    assert "ran to its end" in said
 
 
 def test_paths_and_links_exist():

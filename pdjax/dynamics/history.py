@@ -1,6 +1,6 @@
 """What a simulation says: the saves, the budget of energy, what was observed, and where and how it ended."""
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -20,7 +20,7 @@ REASONS = (
 GROWTH = 10.0  # imbalance over the energy that came in, beyond which it has no cause (waves next to Δt_cr reach 5)
 
 
-class Failure(NamedTuple):
+class Failure(eqx.Module):
     """Where a run ended early.
 
     time; step; point: where |v| is largest at the last finite state, at position (dim,); mode (points, dim): v there,
@@ -35,7 +35,7 @@ class Failure(NamedTuple):
     mode: np.ndarray
     wave_vector: np.ndarray | None
     critical_step: float
-    why: str
+    why: str = eqx.field(static=True)
 
 
 class History(eqx.Module):
@@ -54,7 +54,7 @@ class History(eqx.Module):
     dt: Any
     steps: Any
     code: int | None = eqx.field(static=True, default=None)
-    failure: Failure | None = eqx.field(static=True, default=None)
+    failure: Failure | None = None
 
     @property
     def finished(self) -> bool:

@@ -18,8 +18,8 @@ from jaxtyping import Array, Float
 class Rate(NamedTuple):
     """growth γ and frequency ω [1/time]: one of them is 0."""
 
-    growth: Float[Array, ""]
-    frequency: Float[Array, ""]
+    growth: Any
+    frequency: Any
 
 
 def amplitude(field, mode) -> Float[Array, " saves"]:

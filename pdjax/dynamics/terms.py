@@ -25,6 +25,7 @@ from .system import Motion, check_schedule
 from .time_step import SAFETY, critical_time_step
 from .verlet import Energies, State, energies
 
+UNKNOWN = 1e-3  # of the horizon: the size of displacements that only a load will bring about
 ROOT = 1e-9  # relative tolerance of the stages of an implicit method with fixed steps
 
 
@@ -114,8 +115,8 @@ def simulate_diffrax(
 
     Arguments: duration [time], the motion's own by default; solver `diffrax.Tsit5()` by default, explicit, implicit or
         `SemiImplicitEuler`; dt: the step, or the first one if rtol is given (0.8 of the critical step by default);
-        rtol, atol: adaptive steps by a PID controller (atol by default rtol times the largest start or prescribed
-        displacement); saves: evenly spaced, interpolated by the solver; observers as in `simulate`; max_steps; adjoint:
+        rtol, atol: adaptive steps by a PID controller (atol by default rtol times the largest displacement known
+        beforehand); saves: evenly spaced, interpolated by the solver; observers as in `simulate`; max_steps; adjoint:
         diffrax's, `RecursiveCheckpointAdjoint` by default.
     Returns: `History` whose energies hold kinetic and strain; works are NaN where supports, loads or damping act, for
         no sum is kept between saves. `dt` is the mean step, `steps` those tried.
@@ -135,6 +136,8 @@ def simulate_diffrax(
     terms = symplectic_terms(motion) if symplectic else diffrax_terms(motion)
     controller: diffrax.AbstractStepSizeController = diffrax.ConstantStepSize()
     size = jnp.maximum(jnp.max(jnp.abs(motion.start)), jnp.max(jnp.abs(motion.scene.prescribed)))
+    size = jnp.maximum(size, dt * jnp.max(jnp.abs(motion.velocity)))
+    size = jnp.where(size > 0, size, UNKNOWN * motion.scene.families.horizon)
     if rtol is not None:
         controller = diffrax.PIDController(rtol=rtol, atol=rtol * size if atol is None else atol)
     elif isinstance(solver, diffrax.AbstractImplicitSolver):  # no controller to take the tolerances of its Newton from

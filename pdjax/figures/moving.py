@@ -64,8 +64,10 @@ def cuboid(runs: dict[str, dict[str, Any]], title: str, field: dict[str, Any] | 
     """
     figure = Figure(figsize=(8.6, 8.4 if field else 4.6), layout="constrained")
     upper: Any
+    lower: Any
     if field:
-        upper, lower = figure.subfigures(2, 1, height_ratios=(1.15, 1))
+        parts: Any = figure.subfigures(2, 1, height_ratios=(1.15, 1))
+        upper, lower = parts
     else:
         upper, lower = figure, None
     axes = upper.subplots()
@@ -73,6 +75,11 @@ def cuboid(runs: dict[str, dict[str, Any]], title: str, field: dict[str, Any] | 
         colour = PALETTE[number % len(PALETTE)]
         strain, force = 100 * np.asarray(run["strain"]), np.asarray(run["force"])
         axes.plot(strain, force, run.get("style", "-"), color=colour, linewidth=1.3, label=name)
+    strains = 100 * np.concatenate([run["strain"] for run in runs.values()])
+    ends = np.array([strains.min(), strains.max()])
+    axes.plot(
+        ends, ends / 100, ":", color="#888888", linewidth=1.1, label="E₀ × strain, the classical bar at small strain"
+    )
     axes.axhline(0, color="#888888", linewidth=0.6)
     axes.set_xlabel("strain of the ends  [%]")
     axes.set_ylabel("force through the middle / (E₀ A)  [–]")
@@ -153,7 +160,8 @@ def animation(
         axes.set_ylabel("u")
     else:
         place = X[:, :2] + scale * u[:, :, :2]
-        marks = axes.scatter(*place[0].T, c=colour[0], s=9, cmap="RdBu_r", vmin=-limit, vmax=limit)
+        x, y = place[0].T
+        marks = axes.scatter(x, y, c=colour[0], s=9, cmap="RdBu_r", vmin=-limit, vmax=limit)
         low, high = place.reshape(-1, 2).min(0), place.reshape(-1, 2).max(0)
         axes.set_xlim(low[0] - 0.02 * np.ptp(X[:, 0]), high[0] + 0.02 * np.ptp(X[:, 0]))
         axes.set_ylim(low[1] - 0.02 * np.ptp(X[:, 0]), high[1] + 0.02 * np.ptp(X[:, 0]))

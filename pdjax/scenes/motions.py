@@ -2,6 +2,7 @@
 
 import math
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 
@@ -11,6 +12,7 @@ from ..bloch import p_wave_modulus
 from ..dynamics.system import Motion, Ramp, motion
 from ..models.base import AbstractModel
 from ..neighbours import families, lattice_family
+from ..paths import uniaxial_stress
 from ..points import lattice
 from ..problem import scene
 from ..waves import dispersion
@@ -20,17 +22,17 @@ from .bodies import _count, _ratio, _unit_model
 def cuboid(shape, N: float = 3, strain=0.05, rate=1e-2, model: AbstractModel | None = None, density=1.0) -> Motion:
     """The paper's cuboid: a body pulled or pushed along x by its ends, at a constant rate.
 
-    A lattice of `shape` cells, the last axis one length unit long: (32, 8, 8) is 4 × 1 × 1. Of the N layers at each end
-    u_x = λ(t) strain (x − centre) is prescribed and the rest is free, so that uniaxial stress is a motion of all of it;
-    it starts with the velocity of that stretch along x, so that no front runs in from the ends.
+    A lattice of `shape` cells, the last axis one length unit long: (32, 8, 8) is 4 × 1 × 1. Of the 2N layers at each
+    end u_x = λ(t) strain (x − centre) is prescribed and the rest is free, so that uniaxial stress is a motion of all of
+    it; it starts with the velocity field of that, contraction included, so that no front runs in from ends and sides.
     Arguments: shape 1 to 3 counts; N; strain [-] > −1 at the end; rate [1/time] > 0 of its magnitude; model by default
         of order 1 and unit modulus; density. Its natural duration is |strain|/rate.
     Raises: ValueError for a shape without free layers, a strain or rate that can't be. Source: section 5.3.
     """
     N, shape = _ratio(N), tuple(_count("every entry of shape", s, 1) for s in np.atleast_1d(shape))
-    layers = math.ceil(N)
+    layers = 2 * math.ceil(N)
     if shape[0] <= 2 * layers:
-        raise ValueError(f"the first side must have more than {2 * layers} cells, two ends of N; got shape {shape}")
+        raise ValueError(f"the first side must have more than {2 * layers} cells, two ends of 2N; got shape {shape}")
     if not (is_concrete(strain) and math.isfinite(strain) and strain > -1 and strain != 0):
         raise ValueError(f"strain must be a finite number > -1 and not 0; got {strain!r}")
     if not (is_concrete(rate) and math.isfinite(rate) and rate > 0):
@@ -42,8 +44,10 @@ def cuboid(shape, N: float = 3, strain=0.05, rate=1e-2, model: AbstractModel | N
     held = conditions.prescribe(ends, strain * x[ends, None], components=0)
     fixed = scene(body, families(body, N * h), _unit_model(model), held, moving=True, name="cuboid")
     duration = abs(strain) / rate
-    velocity = np.zeros_like(body.positions)
-    velocity[:, 0] = math.copysign(rate, strain) * x
+    fam = lattice_family(body.dim, N, h)
+    _, pull = jax.jvp(lambda a: uniaxial_stress(a, fixed.model, fam), (jnp.zeros(()),), (jnp.ones(()),))
+    centre = 0.5 * h * np.array(shape)
+    velocity = math.copysign(rate, strain) * jnp.asarray(body.positions - centre) @ pull.T
     return motion(fixed, density, schedule=Ramp(duration), velocity=velocity, duration=duration)  # type: ignore
 
 

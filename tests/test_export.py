@@ -1,0 +1,82 @@
+"""Motions for other programs and for the eye: VTK series, animations, figures."""
+
+import importlib.util
+import json
+import shutil
+import sys
+
+import numpy as np
+import pytest
+from PIL import Image
+
+import pdjax as pd
+from pdjax.export import write_vtk
+
+
+@pytest.fixture(scope="module")
+def plate():
+    motion = pd.scenes.wave((9, 8), 2, model=pd.SethHill(1.0, pd.LinearElastic(lam=1.0, mu=1.0)), u0=0.1, periods=1.0)
+    return motion.scene, pd.simulate(motion, dt=0.5, save_every=8, show_progress=False)
+
+
+@pytest.mark.skipif(importlib.util.find_spec("meshio") is None, reason="needs the extra pdjax[vtk]")
+def test_vtk_holds_what_was_computed(plate, tmp_path):
+    import meshio
+
+    scene, history = plate
+    energy = np.arange(len(history.times) * 72.0).reshape(-1, 72)
+    series = write_vtk(scene, history, tmp_path / "run", {"label": energy})
+    listed = json.loads(series.read_text())["files"]
+    assert [f["time"] for f in listed] == pytest.approx(history.times.tolist())
+    last = meshio.read(tmp_path / listed[-1]["name"])
+    assert np.array_equal(last.points[:, :2], scene.body.positions) and not last.points[:, 2].any()
+    assert np.array_equal(last.point_data["displacement"][:, :2], history.u[-1])
+    assert np.array_equal(last.point_data["label"].reshape(-1), energy[-1])
+    assert len(list(tmp_path.iterdir())) == len(listed) + 1  # nothing half-written beside them
+    with pytest.raises(ValueError, match="field label must have shape"):
+        write_vtk(scene, history, tmp_path / "run", {"label": energy[:2]})
+    with pytest.raises(FileNotFoundError):
+        write_vtk(scene, history, tmp_path / "nowhere" / "run")
+
+
+def test_without_meshio_it_says_what_to_install(plate, tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "meshio", None)
+    with pytest.raises(ImportError, match=r"pdjax\[vtk\]"):
+        write_vtk(*plate, tmp_path / "run")
+
+
+def test_fields_that_were_not_kept(plate, tmp_path):
+    scene, _ = plate
+    bare = pd.simulate(pd.motion(scene, start=scene.closed_form), 4.0, dt=0.5, fields=False, show_progress=False)
+    assert bare.u.shape == (1, 72, 2) and len(bare.times) == 9
+    if importlib.util.find_spec("meshio"):
+        with pytest.raises(ValueError, match="kept no fields"):
+            write_vtk(scene, bare, tmp_path / "run")
+    with pytest.raises(ValueError, match="kept no fields"):
+        pd.figures.animation(scene, bare, tmp_path / "run.gif")
+
+
+def test_animation_has_a_frame_for_every_save(plate, tmp_path):
+    scene, history = plate
+    path = pd.figures.animation(scene, history, tmp_path / "run.gif", component=1, scale=2.0)
+    with Image.open(path) as film:
+        assert film.n_frames == len(history.times)
+    assert [p.name for p in tmp_path.iterdir()] == ["run.gif"]
+    with pytest.raises(ValueError, match=r"\.gif or an \.mp4"):
+        pd.figures.animation(scene, history, tmp_path / "run.avi")
+    if shutil.which("ffmpeg") is None:
+        with pytest.raises(ValueError, match="needs the program ffmpeg"):
+            pd.figures.animation(scene, history, tmp_path / "run.mp4")
+
+
+def test_figures_of_motion_draw_the_numbers():
+    k = np.linspace(0.1, 3, 5)
+    branch = pd.figures.Branch("m = 1", k, np.sin(k), "-", np.array([False] * 4 + [True]))
+    axes = pd.figures.dispersion_curves({"small": [branch], "large": [branch]}, "title").axes
+    assert len(axes) == 2 and np.array_equal(axes[0].lines[0].get_ydata(), np.sin(k))
+    assert axes[0].lines[1].get_xdata().tolist() == [3.0]  # the ringed zero
+    runs = {"a": {"strain": k, "force": k**2}}
+    field = {"u": np.zeros((30, 3)), "shape": (5, 3, 2), "spacing": 0.5, "name": "a"}
+    figure = pd.figures.cuboid(runs, "title", field)
+    assert np.allclose(figure.axes[0].lines[0].get_xdata(), 100 * k)
+    assert sum(bool(a.images) for a in figure.axes) == 3
