@@ -8,7 +8,7 @@ body: a section transmits the net internal force on all that lies beyond it,
 which is a nonlocal body's own definition: no area, no stress field. In tension along e it points along +e.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -30,10 +30,28 @@ class Snapshot(NamedTuple):
     force: Float[Array, "points dim"]
 
 
+def _check_points(points: np.ndarray, scene: Scene) -> None:
+    count = scene.prescribed.shape[0]
+    if isinstance(points, np.ndarray) and (points.min() < 0 or points.max() >= count):
+        bad = int(points[(points < 0) | (points >= count)][0])
+        raise ValueError(f"an observer names point {bad}; the body has points 0 to {count - 1}")
+
+
+def check_observers(scene: Scene, observers: dict[str, Any]) -> None:
+    """Ask every observer that can tell whether it fits the scene. JAX would read another point without a word."""
+    for observer in observers.values():
+        if hasattr(observer, "check"):
+            observer.check(scene)
+
+
 class Probe(eqx.Module):
     """u (points named, dim) [length]."""
 
     points: np.ndarray
+
+    def check(self, scene: Scene) -> None:
+        """Refuse points that the body does not have."""
+        _check_points(self.points, scene)
 
     def __call__(self, scene: Scene, now: Snapshot) -> Float[Array, "named dim"]:
         return now.u[self.points]
@@ -44,6 +62,10 @@ class Reaction(eqx.Module):
 
     points: np.ndarray
 
+    def check(self, scene: Scene) -> None:
+        """Refuse points that the body does not have."""
+        _check_points(self.points, scene)
+
     def __call__(self, scene: Scene, now: Snapshot) -> Float[Array, " dim"]:
         held = jnp.ones(now.u.size, bool).at[scene.unknowns].set(False).reshape(now.u.shape)
         return -jnp.sum(jnp.where(held, now.force, 0.0)[self.points], axis=0)
@@ -53,6 +75,10 @@ class SectionForce(eqx.Module):
     """F (dim,) [force] through the section beyond which the points named lie."""
 
     beyond: np.ndarray
+
+    def check(self, scene: Scene) -> None:
+        """Refuse points that the body does not have."""
+        _check_points(self.beyond, scene)
 
     def __call__(self, scene: Scene, now: Snapshot) -> Float[Array, " dim"]:
         internal = now.force - now.factor * scene.families.volumes[:, None] * scene.load
@@ -76,6 +102,11 @@ def section_force(body: Points, position: float, axis: int = 0) -> SectionForce:
     """
     if not 0 <= axis < body.dim:
         raise ValueError(f"axis must lie in 0 to {body.dim - 1} for this body; got {axis}")
+    if body.period is not None and np.isfinite(body.period[axis]):
+        raise ValueError(
+            f"the body is periodic along axis {axis}: a second section closes the box and the two cancel; its stress is"
+            " `pdjax.piola_stress` or `pdjax.stress`"
+        )
     x = body.positions[:, axis]
     beyond = np.flatnonzero(x > position)
     if len(beyond) in (0, len(x)):

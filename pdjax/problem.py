@@ -258,7 +258,7 @@ def scene(
     )
 
 
-def still(scene: Scene) -> Any:
+def still(scene: Any) -> Any:
     """The scene with no derivative flowing through it."""
     frozen = jax.lax.stop_gradient(eqx.filter(scene, eqx.is_array))
     return eqx.combine(frozen, eqx.filter(scene, eqx.is_array, inverse=True))

@@ -104,6 +104,6 @@ def classical_frequency(model: AbstractModel, F, k, density=1.0) -> Float[Array,
 
     Arguments: as `dispersion`. NaN where the law itself is unstable.  Raises: ValueError for a model without a law.
     """
-    F = jnp.asarray(F)
+    F = jnp.atleast_2d(jnp.asarray(F))
     F = deformation_gradient(F, F.shape[0])
     return _classical(model, F, _waves(k, F.shape[0], F.dtype), _positive(density, F.dtype))

@@ -51,6 +51,7 @@ def test_an_interrupt_keeps_what_was_saved(tmp_path, monkeypatch):
             raise KeyboardInterrupt
         return original(*arguments)
 
+    stops.lower = original.lower
     monkeypatch.setattr(run, "_go_on", stops)
     with pytest.raises(KeyboardInterrupt):
         pd.simulate(motion, 8.0, checkpoint=path, **RUN)

@@ -41,7 +41,9 @@ def test_a_travelling_wave_keeps_its_shape():
     omega = float(pd.dispersion(motion.scene.model, pd.lattice_family(1, 3), np.eye(1), [k]).frequency[0, 0])
     x = motion.scene.body.positions - motion.scene.body.positions[0]
     t = history.times[300]
-    assert worst(history.u[300], 1e-7 * np.cos(k * x - omega * t)) < 1e-5 * 1e-7  # measured 2e-13; the other direction would give 2e-7
+    assert (
+        worst(history.u[300], 1e-7 * np.cos(k * x - omega * t)) < 1e-5 * 1e-7
+    )  # measured 2e-13; the other direction would give 2e-7
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,10 @@ from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
+
+from .._checks import is_concrete
 
 
 class Rate(NamedTuple):
@@ -33,11 +36,15 @@ def measured_rate(times, amplitudes) -> Rate:
 
     Arguments: times (saves,) [time], evenly spaced; amplitudes (saves,), any unit. Growing modes: choose the saves
     where the mode stands above the rest and is still small. A frequency is known up to π/h.
-    Raises: ValueError for fewer than 3 saves.
+    Damping, an offset and noise are not part of the model: noise of σ times the amplitude raises a frequency by about
+    (σ/ωh)² of itself.
+    Raises: ValueError for fewer than 3 saves, or uneven times.
     """
     times, a = jnp.asarray(times), jnp.asarray(amplitudes)
     if a.shape[0] < 3 or a.shape != times.shape:
         raise ValueError(f"a rate needs at least 3 saves, times and amplitudes alike; got {times.shape} and {a.shape}")
+    if is_concrete(times) and np.ptp(np.diff(times)) > 1e-3 * float(times[-1] - times[0]) / (len(times) - 1):
+        raise ValueError("a rate needs evenly spaced times")
     return _fit(times, a)
 
 
@@ -49,8 +56,13 @@ def _fit(times: Array, a: Array) -> Rate:
     square = jnp.sum(a[1:-1] ** 2)
     # c − 1 by second differences: no cancellation where the motion is slow
     bend = jnp.sum(a[1:-1] * (a[2:] - 2 * a[1:-1] + a[:-2])) / (2 * jnp.where(square > 0, square, 1.0))
-    growth = 2 / h * jnp.arcsinh(jnp.sqrt(jnp.maximum(bend, 0.0) / 2))
-    frequency = 2 / h * jnp.arcsin(jnp.sqrt(jnp.clip(-bend / 2, 0.0, 1.0)))
+
+    def root(x: Array) -> Array:
+        """√x where x > 0, else 0, with a derivative of 0 there."""
+        return jnp.where(x > 0, jnp.sqrt(jnp.where(x > 0, x, 1.0)), 0.0)
+
+    growth = 2 / h * jnp.arcsinh(root(bend / 2))
+    frequency = 2 / h * jnp.arcsin(root(jnp.minimum(-bend / 2, 1.0)))
     return Rate(growth, frequency)
 
 

@@ -7,6 +7,7 @@ place and the mode.
 
 import math
 import os
+import time
 import warnings
 from typing import Any, NamedTuple
 
@@ -18,12 +19,12 @@ from jaxtyping import Array
 
 from .._checks import is_concrete, writable
 from .._progress import progress
-from ..observers import Snapshot
+from ..observers import Snapshot, check_observers
 from . import checkpoint as checkpoints
-from .history import DONE, ENERGY_GREW, NOT_FINITE, Failure, History, as_arrays, failure, grew, stacked, supplied
+from .history import DONE, ENERGY_GREW, NOT_FINITE, Failure, History, alarmed, as_arrays, failure, stacked
 from .system import Motion, check_schedule
 from .time_step import SAFETY, critical_time_step
-from .verlet import Energies, State, advance, energies, initial_state
+from .verlet import Energies, State, advance, borrowed, energies, initial_state
 
 SAVES = 100  # about as many, where save_every is not given
 NOISE = 1e6  # steps in which rounding forces of one sign add up: longer runs than that have other worries
@@ -36,13 +37,16 @@ class Record(NamedTuple):
     fields: tuple[Array, ...]
     energies: Energies
     observed: dict[str, Any]
+    borrowed: tuple[Array, Array]
+    finite: Array
 
 
 def _record(motion: Motion, observers: dict[str, Any], state: State, dt: Array, fields: bool) -> Record:
     t = state.step * dt
     now = Snapshot(t, motion.factor(t)[0], state.u, state.v, state.force)
     observed = {name: watch(motion.scene, now) for name, watch in observers.items()}
-    return Record(t, (state.u, state.v) if fields else (), energies(motion, state, dt), observed)
+    kept = (state.u, state.v) if fields else ()
+    return Record(t, kept, energies(motion, state, dt), observed, borrowed(motion, state, dt), state.finite)
 
 
 @eqx.filter_jit
@@ -76,33 +80,60 @@ def _traced(motion: Motion, observers: dict[str, Any], dt: Array, saves: int, ev
 
     state, records = jax.lax.scan(chunk, state, length=saves)
     all_of = jax.tree.map(lambda a, b: jnp.concatenate([a[None], b]), first, records)
-    u, v = all_of.fields if fields else (state.u[None], state.v[None])
-    return History(all_of.t, u, v, all_of.energies, all_of.observed, dt, state.step)
+
+    def alive(x: Array) -> Array:
+        """NaN from the save on at which a value was not finite: nobody watches, and a frozen state is no answer."""
+        if not jnp.issubdtype(x.dtype, jnp.inexact):
+            return x
+        return jnp.where(all_of.finite.reshape(-1, *[1] * (x.ndim - 1)), x, jnp.nan)
+
+    _, kept, budget, observed, _, _ = jax.tree.map(alive, all_of)
+    u, v = kept if fields else (jnp.where(state.finite, x, jnp.nan)[None] for x in (state.u, state.v))
+    times = dt * every * jnp.arange(saves + 1)
+    return History(times, u, v, budget, observed, dt, state.step)
 
 
-def _plan(motion: Motion, duration, dt, save_every) -> tuple[float, int, int]:
-    """(dt, saves, save_every)."""
+def run_length(motion: Motion, duration) -> float:
+    """The duration asked for, or the motion's own, checked."""
     duration = motion.duration if duration is None else duration
     if duration is None:
         raise ValueError("duration must be given: this motion has no natural one")
     duration = float(duration)
     if not (math.isfinite(duration) and duration > 0):
         raise ValueError(f"duration must be finite and > 0; got {duration}")
-    own = dt is None
-    if own:
+    return duration
+
+
+def time_step(motion: Motion, dt) -> float:
+    """The step asked for, or SAFETY of the critical one, checked."""
+    if dt is None:
         dt = SAFETY * critical_time_step(motion)
         if not math.isfinite(dt):
             raise ValueError("nothing resists at the start, so no critical time step exists: give dt")
+    if not is_concrete(dt):
+        raise ValueError("dt decides how many steps there are, so it can't be traced; pass a plain number")
     dt = float(dt)
     if not (math.isfinite(dt) and dt > 0):
         raise ValueError(f"dt must be finite and > 0; got {dt}")
+    return dt
+
+
+def _plan(motion: Motion, duration, dt, save_every) -> tuple[float, int, int]:
+    """(dt, saves, save_every)."""
+    duration, own = run_length(motion, duration), dt is None
+    dt = time_step(motion, dt)
+    if own:
+        dt = min(dt, duration / SAVES)
     steps = max(1, math.ceil(duration / dt * (1 - 1e-12)))
     if save_every is None:
         save_every = max(1, round(steps / SAVES))
     if not (float(save_every).is_integer() and save_every >= 1):
         raise ValueError(f"save_every must be a whole number of steps >= 1; got {save_every!r}")
+    save_every = int(save_every)
     saves = math.ceil(steps / save_every)
-    return (duration / (saves * int(save_every)) if own else dt), saves, int(save_every)
+    if saves * save_every >= 2**31:
+        raise ValueError(f"a run has fewer than 2³¹ steps; duration {duration:g} at dt {dt:g} has {steps:.3g}")
+    return (duration / (saves * save_every) if own else dt), saves, save_every
 
 
 def _warn_above(motion: Motion, dt: float) -> None:
@@ -114,45 +145,80 @@ def _warn_above(motion: Motion, dt: float) -> None:
         )
 
 
+class _Keeper:
+    """Writes checkpoints, every so many saves, and no more often than costs a twentieth of the run."""
+
+    def __init__(self, path, every: int, name: str):
+        self.path, self.every, self.name = path, every, name
+        self.not_before = 0.0
+
+    def __call__(self, save: int, state: State, records: list[Record], at_once: bool = False) -> None:
+        now = time.monotonic()
+        if self.path is None or (not at_once and (save % self.every or now < self.not_before)):
+            return
+        checkpoints.save(self.path, self.name, state, records)
+        self.not_before = now + 20 * (time.monotonic() - now)
+
+
 def _watch(motion: Motion, observers, dt, saves, every, fields, path, checkpoint_every, resume, show) -> History:
     step = jnp.asarray(dt, motion.start.dtype)
     state, first = _begin(motion, observers, step, fields)
     records, name = [first], ""
     if path is not None:
-        name = checkpoints.fingerprint(motion, observers, dt, every, fields)
         path = writable(path)
+        program = _go_on.lower(motion, observers, state, step, every, fields).as_text()  # type: ignore[attr-defined]
+        name = checkpoints.fingerprint(program, dt, every, eqx.filter((motion, observers), eqx.is_array_like))
         if resume:
             state, records = checkpoints.load(path, name, first)
-    code, told = DONE, None
-    floor, given = float(_rounding(motion, step)), max(supplied(r.energies) for r in records)
+            records = records[: saves + 1]
+    keep = _Keeper(path, checkpoint_every, name)
+    stored = abs(float(first.energies.strain))
+    if not motion.scene.model.hyperelastic:  # no energy to ask: what the forces at the start could do on the way back
+        stored = 0.5 * float(jnp.sum(jnp.abs(state.force * motion.start)))
+    floor = float(_rounding(motion, step)) + float(first.energies.kinetic) + stored
+    given, code, saved = max(_given(r) for r in records), DONE, state
     done = len(records) - 1
     if not bool(state.finite):
         code = NOT_FINITE
-    for save in progress(range(done, saves), saves - done, "steps", show) if code == DONE else ():
-        state, record = _go_on(motion, observers, state, step, every, fields)
-        if not bool(state.finite):
-            code = NOT_FINITE
-            break
-        records.append(jax.tree.map(np.asarray, record))
-        given = max(given, supplied(record.energies))
-        if grew(first.energies, record.energies, floor + given):
-            code = ENERGY_GREW
-            break
-        if path is not None and ((save + 1) % checkpoint_every == 0 or save + 1 == saves):
-            checkpoints.save(path, name, state, records)
-    if code != DONE:
-        told = _diagnose(motion, state, dt, code)
-    out = stacked(records)
-    u, v = out.fields if fields else (np.asarray(state.u)[None], np.asarray(state.v)[None])
-    return History(out.t, u, v, as_arrays(out.energies), out.observed, dt, int(state.step), code, told)
-
-
-def _diagnose(motion: Motion, state: State, dt: float, code: int) -> Failure:
     try:
-        critical = critical_time_step(motion, state.u, state.step * dt)
-    except ValueError:
-        critical = float("nan")
-    return failure(motion, state, dt, code, critical)
+        for save in progress(range(done + 1, saves + 1), saves - done, "steps", show) if code == DONE else ():
+            state, record = _go_on(motion, observers, saved, step, every, fields)
+            if not bool(state.finite):
+                code = NOT_FINITE
+                break
+            record = jax.tree.map(np.asarray, record)
+            records.append(record)
+            given = max(given, _given(record))
+            swing = float(record.borrowed[0]) - float(first.borrowed[0])
+            if alarmed(first.energies, record.energies, swing, floor + given):
+                code = ENERGY_GREW
+                break
+            saved = state
+            keep(save, state, records, at_once=save == saves)
+    except KeyboardInterrupt:
+        keep(len(records) - 1, saved, records, at_once=True)
+        raise
+    told = None if code == DONE else _diagnose(motion, state, saved, dt)
+    out = stacked(records)
+    last = saved if code == NOT_FINITE else state
+    u, v = out.fields if fields else (np.asarray(last.u)[None], np.asarray(last.v)[None])
+    steps = min(int(state.step), saves * every)
+    return History(out.t, u, v, as_arrays(out.energies), out.observed, dt, steps, code, told)
+
+
+def _given(record: Record) -> float:
+    """The energy that supports and loads had given, or could in a step, at one save."""
+    return abs(float(record.energies.supports)) + abs(float(record.energies.loads)) + float(record.borrowed[1])
+
+
+def _diagnose(motion: Motion, state: State, saved: State, dt: float) -> Failure:
+    critical = []
+    for u, t in ((motion.start, 0.0), (saved.u, saved.step * dt)):
+        try:
+            critical.append(critical_time_step(motion, u, t))
+        except ValueError:
+            critical.append(float("nan"))
+    return failure(motion, state, saved, dt, (critical[0], critical[1]))
 
 
 def simulate(
@@ -172,13 +238,15 @@ def simulate(
     """Run a motion by velocity Verlet.
 
     Arguments: duration [time], the motion's own by default; dt [time], by default 0.8 of the critical step at the
-        start, shortened so that the run ends at duration (a dt of yours is taken as it is, and the run ends at the
-        first save not before duration); save_every steps, by default such that there are about 100 saves; observers:
-        name → function (scene, `Snapshot`) → array, see `pdjax.observers`; fields: keep u and v of every save, or of
-        the last alone; checkpoint: a file, written every `checkpoint_every` saves; resume from it, bit for bit; throw:
-        raise where it ends early.
+        start or a hundredth of the duration, shortened so that the run ends at duration (a dt of yours is taken as it
+        is, the run ends at the first save not before duration, and a checkpoint can be gone on from to a longer one);
+        save_every steps, by default such that there are about 100 saves; observers: name → function (scene, `Snapshot`)
+        → array, see `pdjax.observers`; fields: keep u and v of every save, or of the last alone; checkpoint: a file,
+        written every `checkpoint_every` saves, or less often where that would cost more than a twentieth of the run,
+        and when interrupted; resume from it, bit for bit; throw: raise where it ends early.
     Returns: `History`. Under jit, vmap or grad: the same numbers, differentiable forward and backward (memory: 2
-        √save_every states a save), but unwatched, without checkpoint; under jit and vmap dt must be given.
+        √save_every states a save), but unwatched and without checkpoint: NaN from the save on at which a value was
+        not finite; under jit and vmap dt must be given.
     Raises: ValueError for bad arguments, a schedule that is not finite, a checkpoint of another run or version;
         RuntimeError with the reason if `throw`. Warns where dt is above the critical step.
     """
@@ -189,10 +257,9 @@ def simulate(
     if resume and checkpoint is None:
         raise ValueError("resume needs checkpoint: the file to go on from")
     observers = {} if observers is None else observers
-    watched = is_concrete(motion)
+    check_observers(motion.scene, observers)
+    watched = is_concrete(motion, observers, jnp.zeros(()) + 0)  # the last: inside jit everything is traced
     given = dt is not None
-    if not is_concrete(dt):
-        raise ValueError("dt decides how many steps there are, so it can't be traced; pass a plain number")
     dt, saves, every = _plan(motion, duration, dt, save_every)
     if not watched:
         return _traced(motion, observers, jnp.asarray(dt, motion.start.dtype), saves, every, fields)

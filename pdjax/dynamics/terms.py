@@ -18,11 +18,10 @@ import optimistix as optx
 from jaxtyping import Array
 
 from .._checks import is_concrete
-from ..observers import Snapshot
+from ..observers import Snapshot, check_observers
 from .history import DONE, SOLVER_FAILED, Failure, History
-from .run import SAVES
-from .system import Motion, check_schedule
-from .time_step import SAFETY, critical_time_step
+from .run import SAVES, run_length, time_step
+from .system import Hold, Motion, check_schedule
 from .verlet import Energies, State, energies
 
 UNKNOWN = 1e-3  # of the horizon: the size of displacements that only a load will bring about
@@ -122,16 +121,16 @@ def simulate_diffrax(
         no sum is kept between saves. `dt` is the mean step, `steps` those tried.
     Raises: ValueError for bad arguments; RuntimeError with diffrax's reason if `throw`.
     """
-    duration = motion.duration if duration is None else duration
-    if duration is None or not (np.isfinite(duration) and duration > 0):
-        raise ValueError(f"duration must be finite and > 0; got {duration}")
+    duration = run_length(motion, duration)
+    observers = {} if observers is None else observers
+    check_observers(motion.scene, observers)
     if not (float(saves).is_integer() and saves >= 1):
         raise ValueError(f"saves must be a whole number >= 1; got {saves!r}")
     solver = diffrax.Tsit5() if solver is None else solver
     real = motion.start.dtype
     times = jnp.linspace(0, duration, int(saves) + 1).astype(real)
     check_schedule(motion, jnp.linspace(0, duration, 1025).astype(real))
-    dt = SAFETY * critical_time_step(motion) if dt is None else dt
+    dt = time_step(motion, dt)
     symplectic = isinstance(solver, diffrax.SemiImplicitEuler)
     terms = symplectic_terms(motion) if symplectic else diffrax_terms(motion)
     controller: diffrax.AbstractStepSizeController = diffrax.ConstantStepSize()
@@ -141,22 +140,28 @@ def simulate_diffrax(
     if rtol is not None:
         controller = diffrax.PIDController(rtol=rtol, atol=rtol * size if atol is None else atol)
     elif isinstance(solver, diffrax.AbstractImplicitSolver):  # no controller to take the tolerances of its Newton from
-        newton = diffrax.VeryChord(rtol=ROOT, atol=ROOT * size, norm=optx.max_norm)  # type: ignore[arg-type]
-        solver = eqx.tree_at(lambda s: s.root_finder, solver, newton)
+        root = max(ROOT, 100 * float(jnp.finfo(real).eps))
+        newton = diffrax.VeryChord(rtol=root, atol=root * size, norm=optx.max_norm)  # type: ignore[arg-type]
+        if eqx.tree_equal(solver.root_finder, type(solver)().root_finder):  # type: ignore[attr-defined, call-arg]
+            solver = eqx.tree_at(lambda s: s.root_finder, solver, newton)
     adjoint = diffrax.RecursiveCheckpointAdjoint() if adjoint is None else adjoint
     found = _run(motion, terms, solver, controller, jnp.asarray(dt, real), times, max_steps, adjoint)
     q, w = found.ys
-    u, v, budget, observed = _describe(motion, times, q, w, {} if observers is None else observers)
+    u, v, budget, observed = _describe(motion, times, q, w, observers)
     budget = _unknown_works(motion, budget)
     steps = found.stats["num_steps"]
-    if not is_concrete(motion):
+    if not is_concrete(motion, observers, u):
         return History(times, u, v, budget, observed, duration / steps, steps)
     code, told = DONE, None
     finite = np.isfinite(np.asarray(q)).all(axis=1) & np.isfinite(np.asarray(w)).all(axis=1)
     if found.result != diffrax.RESULTS.successful or not finite.all():
         code, told = SOLVER_FAILED, _last_finite(motion, times, u, v, finite, diffrax.RESULTS[found.result])  # type: ignore
+        there = slice(0, told.step + 1)
+        times, u, v, budget, observed = jax.tree.map(lambda x: x[there], (times, u, v, budget, observed))
+        told = eqx.tree_at(lambda f: f.step, told, int(steps))
+    reached = float(times[-1]) if len(times) > 1 else duration
     history = History(
-        np.asarray(times), np.asarray(u), np.asarray(v), budget, observed, duration / int(steps), int(steps), code, told
+        np.asarray(times), np.asarray(u), np.asarray(v), budget, observed, reached / int(steps), int(steps), code, told
     )
     if throw and not history.finished:
         raise RuntimeError(f"the motion of the {motion.scene.name} ended early: {history.reason}")
@@ -167,7 +172,10 @@ def _unknown_works(motion: Motion, budget: Energies) -> Energies:
     """Works stay 0 only where nothing can do any."""
     scene = motion.scene
     if is_concrete(motion) and not bool(
-        jnp.any(scene.prescribed != 0) | jnp.any(scene.load != 0) | (motion.damping != 0) | (scene.mean is not None)
+        jnp.any(scene.prescribed != 0)
+        | jnp.any(scene.load != 0)
+        | (motion.damping != 0)
+        | (scene.mean is not None and not isinstance(motion.schedule, Hold))
     ):
         return budget
     nothing = jnp.full_like(budget.kinetic, jnp.nan)

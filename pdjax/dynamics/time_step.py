@@ -4,7 +4,6 @@
 matrix is stored. Lanczos comes from below, so Δt_cr comes from above, within ACCURACY/2 of itself.
 """
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 import scipy.sparse.linalg as sla
@@ -24,11 +23,11 @@ def critical_time_step(motion: Motion, u=None, t=0.0) -> float:
 
     Arguments: u (points, dim) [length], the start by default; t [time] the moment whose load factor counts. inf where
     nothing resists.
-    Raises: ValueError under a transformation (it runs on the host), or where the forces at u are not finite.
+    Raises: ValueError under jit or vmap (it runs on the host), or where the forces at u are not finite.
     """
-    scene = still(motion.scene)
-    density = jax.lax.stop_gradient(motion.density)
-    if not is_concrete(scene, density, u, motion.start):
+    motion = still(motion)
+    scene, density = motion.scene, motion.density
+    if not is_concrete(motion, u):
         raise ValueError("the critical time step is found on the host: under jit or vmap give dt yourself")
     u = motion.start if u is None else point_field(u, scene.families)
     factor = motion.factor(t)[0]
@@ -41,8 +40,14 @@ def critical_time_step(motion: Motion, u=None, t=0.0) -> float:
         largest = float(np.abs(np.linalg.eigvals(H @ np.eye(len(keep)))).max())
     else:
         start = np.random.default_rng(0).normal(size=len(keep))
-        if not np.isfinite(H @ start).all():
+        moved = H @ start
+        if not np.isfinite(moved).all():
             raise ValueError("the forces at u are not finite: no time step can follow them")
+        if not moved.any():
+            return float("inf")
         find = sla.eigsh if scene.model.hyperelastic else sla.eigs
-        largest = float(abs(find(H, k=1, which="LM", tol=ACCURACY, v0=start, return_eigenvectors=False)[0]))
+        try:
+            largest = float(abs(find(H, k=1, which="LM", tol=ACCURACY, v0=start, return_eigenvectors=False)[0]))
+        except sla.ArpackError as error:
+            raise ValueError(f"the largest eigenvalue at u was not found: {error}") from error
     return float("inf") if largest == 0 else 2 / largest**0.5

@@ -52,13 +52,13 @@ class Energies(NamedTuple):
     def imbalance(self):
         """K + Π − W_supports − W_loads + D − (its first value): zero but for the error of the integration."""
         total = self.kinetic + self.strain - self.supports - self.loads + self.dissipated
-        return total - total[0]
+        return total - total[..., :1]
 
     @property
     def error(self):
-        """The imbalance over the largest energy that took part so far [-]."""
+        """The imbalance over the largest energy that takes part at any save [-]."""
         parts = jnp.abs(jnp.stack([self.kinetic, self.strain, self.supports, self.loads, self.dissipated]))
-        largest = jax.lax.cummax(jnp.max(parts, axis=0))
+        largest = jnp.max(jnp.max(parts, axis=0), axis=-1, keepdims=True)
         return self.imbalance / jnp.where(largest > 0, largest, 1.0)
 
 
@@ -75,6 +75,8 @@ def _work_of_mean(motion: Motion, u: Array, factor: Array, change: Array) -> Arr
     scene = motion.scene
     if scene.mean is None or isinstance(motion.schedule, Hold):
         return jnp.zeros_like(change)
+    if not scene.model.hyperelastic:
+        return jnp.full_like(change, jnp.nan)
 
     def energy(x):
         return strain_energy(scene.model, scene.families, u, scene.mean_deformation(x))
@@ -140,3 +142,15 @@ def energies(motion: Motion, state: State, dt: Float[Array, ""]) -> Energies:
         factor, _ = motion.factor(state.step * dt)
         strain = strain_energy(scene.model, scene.families, state.u, scene.mean_deformation(factor))
     return Energies(kinetic, strain, state.supports, state.loads, state.dissipated)
+
+
+def borrowed(motion: Motion, state: State, dt: Float[Array, ""]) -> tuple[Array, Array]:
+    """(Δt²/8) Σ F²/m over free components, and (Δt²/2) Σ (λVb)²/m [energy].
+
+    The first is what the energy of a linear motion swings by: K + Π less it is kept exactly by Verlet, whatever the
+    step. The second is what loads can give in one step before they have done any work.
+    """
+    free, mass = motion.free, motion.mass
+    load = motion.factor(state.step * dt)[0] * motion.scene.families.volumes[:, None] * motion.scene.load
+    swing = 0.125 * dt**2 * jnp.sum(jnp.where(free, state.force**2 / mass, 0.0))
+    return swing, 0.5 * dt**2 * jnp.sum(jnp.where(free, load**2 / mass, 0.0))

@@ -79,6 +79,10 @@ def wave(
     N = _ratio(N)
     shape = tuple(_count("n", s, 2) for s in ((n,) * dim if np.ndim(n) == 0 else n))
     dim = len(shape)
+    if not -dim <= branch < dim:
+        raise ValueError(f"branch must lie in {-dim} to {dim - 1} in {dim}D; got {branch}")
+    if np.size(k) > dim and k is not None:
+        raise ValueError(f"k must have at most {dim} components in {dim}D; got {k}")
     given = np.zeros(dim)
     given[0] = 2 * np.pi / shape[0]
     if k is not None:
@@ -104,5 +108,8 @@ def wave(
     if is_concrete(omega, u0):
         rate, growth = float(omega), float(found.growth[0, branch])
         rate = rate or float(jnp.sqrt(p_wave_modulus(model, fam) / density)) * float(np.linalg.norm(given))
-        duration = math.log(max(1e-2 / abs(u0), 10.0)) / growth if growth else periods * 2 * np.pi / rate
+        if growth and u0:
+            duration = math.log(max(1e-2 / abs(float(u0)), 10.0)) / growth
+        elif rate:
+            duration = periods * 2 * np.pi / rate
     return motion(fixed, density, start=start, velocity=velocity, duration=duration)
