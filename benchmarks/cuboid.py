@@ -96,6 +96,24 @@ def predicted(run: dict, rates: np.ndarray, rate: float, per_side: float = 1.0) 
     return curve, float(strain[over[0]]) if len(over) else None
 
 
+def take_off(run: dict, rates: np.ndarray, rate: float) -> dict | None:
+    """While the alternation climbs from a third of ONSET to its triple: its rate, and the symbol's over that time."""
+    worst = np.max(list(run["alternation over h"].values()), axis=0)
+    over = np.flatnonzero(worst > 3 * ONSET)
+    if len(over) == 0:
+        return None
+    last = int(over[0])
+    first = int(np.flatnonzero(worst[:last] < ONSET / 3)[-1])
+    time = np.abs(run["strain"]) / rate
+    gamma = np.interp(np.abs(run["strain"][first : last + 1]), np.r_[0.0, STRAINS], np.r_[0.0, rates])
+    return {
+        "from": run["strain"][first],
+        "to": run["strain"][last],
+        "seen": float(np.log(worst[last] / worst[first]) / (time[last] - time[first])),
+        "symbol": float(gamma.mean()),
+    }
+
+
 def main() -> None:
     shape, rate = (28, 7, 7), 0.005
     side = shape[-1]  # the symbol's rates are per unit of h/c, the body's side is 1
@@ -144,6 +162,7 @@ def main() -> None:
             "onset seen": run["onset"],
             "onset by the symbol": by_symbol,
             "onset by the body's Jacobian": by_body,
+            "growth rate of the take-off": take_off(run, gammas[key], rate),
             "symbol's growth rates": dict(zip((100 * STRAINS).round(3).tolist(), gammas[key].tolist(), strict=True)),
             "body's growth rates": dict(zip((100 * STRAINS).round(3).tolist(), own[key].tolist(), strict=True)),
             "finished": run["finished"],

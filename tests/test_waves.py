@@ -152,7 +152,9 @@ def test_dispersion_is_the_symbols_spectrum(dim, model, F):
         moving = np.asarray(found.frequency) > 1e-3
         wanted = (ahead - behind) / (2 * e)
         assert moving.any()
-        assert worst(np.asarray(found.group_velocity[..., axis])[moving], np.asarray(wanted)[moving]) < 1e-7  # measured
+        assert (
+            worst(np.asarray(found.group_velocity[..., axis])[moving], np.asarray(wanted)[moving]) < 1e-8
+        )  # measured 5e-11
 
 
 @pytest.mark.parametrize(("dim", "model", "F"), STATES)
@@ -194,7 +196,7 @@ def test_group_velocity_is_how_fast_a_packet_goes():
     speed = np.polyfit(history.times, centre, 1)[0]
     wanted = float(pd.dispersion(model, fam, np.eye(1), [k]).group_velocity[0, 0, 0])
     assert abs(wanted) < 0.9
-    assert speed == pytest.approx(wanted, rel=0.03)  # measured; the packet's own width blurs k
+    assert speed == pytest.approx(wanted, rel=0.03)  # measured 1.8 % off: the packet's own width blurs k
 
 
 # --- the paper's relation (S10) -----------------------------------------------------------------------------------

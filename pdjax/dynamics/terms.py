@@ -136,12 +136,14 @@ def simulate_diffrax(
     controller: diffrax.AbstractStepSizeController = diffrax.ConstantStepSize()
     size = jnp.maximum(jnp.max(jnp.abs(motion.start)), jnp.max(jnp.abs(motion.scene.prescribed)))
     size = jnp.maximum(size, dt * jnp.max(jnp.abs(motion.velocity)))
-    size = jnp.where(size > 0, size, UNKNOWN * motion.scene.families.horizon)
+    unknown = UNKNOWN * motion.scene.families.horizon
+    size = jnp.where(size > 0, size, unknown)
     if rtol is not None:
         controller = diffrax.PIDController(rtol=rtol, atol=rtol * size if atol is None else atol)
     elif isinstance(solver, diffrax.AbstractImplicitSolver):  # no controller to take the tolerances of its Newton from
         root = max(ROOT, 100 * float(jnp.finfo(real).eps))
-        newton = diffrax.VeryChord(rtol=root, atol=root * size, norm=optx.max_norm)  # type: ignore[arg-type]
+        # VeryChord calls a residual at rounding diverged
+        newton: Any = optx.Chord(rtol=root, atol=root * jnp.maximum(size, unknown), norm=optx.max_norm)
         if eqx.tree_equal(solver.root_finder, type(solver)().root_finder):  # type: ignore[attr-defined, call-arg]
             solver = eqx.tree_at(lambda s: s.root_finder, solver, newton)
     adjoint = diffrax.RecursiveCheckpointAdjoint() if adjoint is None else adjoint
