@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from ._run_motions import add_motions, run_cuboid, run_wave
+from ._run_motions import add_motions, run_cuboid, run_wave, write_out
 
 
 def add_run(jobs, formatter) -> None:
@@ -69,7 +69,7 @@ def run(arguments) -> dict:
 def _bars(arguments) -> dict:
     """The bars at rest."""
     import pdjax as pd
-    from pdjax._checks import writable, written_whole
+    from pdjax._checks import writable
 
     singular = arguments.scene == "singular-bar"
     picture, data = (writable(f"{arguments.out}.{ending}") for ending in ("png", "npz"))
@@ -118,10 +118,7 @@ def _bars(arguments) -> dict:
     names = ("E₀ u / (σ L)  [–]", "E₀ ε / σ  [–]") if singular else ("u / (strain · L)  [–]", "ε / strain  [–]")
     title = f"{arguments.scene}, {arguments.n} points, N = {arguments.N:g}, m = {arguments.m:g}, {arguments.method}"
     figure = pd.figures.bars(cases, title, names)
-    with written_whole(picture) as stream:
-        figure.savefig(stream, format="png", dpi=150)
-    with written_whole(data) as stream:
-        np.savez(stream, **arrays)
+    write_out(figure, picture, arrays, data)
     if not arguments.json:
         print(f"wrote {picture} and {data}")
     return {"figure": str(picture), "data": str(data), "cases": rows}

@@ -93,6 +93,16 @@ def _check_outputs(arguments) -> tuple[Path, Path]:
     return picture, data
 
 
+def write_out(figure, picture: Path, arrays: dict[str, Any], data: Path) -> None:
+    """The figure and the numbers behind it, each whole or not there."""
+    from pdjax._checks import written_whole
+
+    with written_whole(picture) as stream:
+        figure.savefig(stream, format="png", dpi=150)
+    with written_whole(data) as stream:
+        np.savez(stream, **arrays)
+
+
 def roughness(u: np.ndarray, shape: tuple[int, ...], axis: int) -> np.ndarray:
     """How much a component alternates between neighbours (saves,) [length]: ¼ second differences, root mean square.
 
@@ -106,7 +116,6 @@ def roughness(u: np.ndarray, shape: tuple[int, ...], axis: int) -> np.ndarray:
 def run_cuboid(arguments) -> dict:
     """Pull and push the cuboid; what was found as a dictionary."""
     import pdjax as pd
-    from pdjax._checks import written_whole
 
     picture, data = _check_outputs(arguments)
     model = _model(arguments, 3)
@@ -163,10 +172,7 @@ def run_cuboid(arguments) -> dict:
     which = f"m = {arguments.m:g}" if arguments.model == "seth-hill" else "Silling's correspondence"
     title = f"cuboid of {' × '.join(map(str, arguments.shape))} points, N = {arguments.N:g}, {which}"
     figure = pd.figures.cuboid(runs, title, field)
-    with written_whole(picture) as stream:
-        figure.savefig(stream, format="png", dpi=150)
-    with written_whole(data) as stream:
-        np.savez(stream, **arrays)
+    write_out(figure, picture, arrays, data)
     if not arguments.json:
         print(f"wrote {picture} and {data}")
     return {"figure": str(picture), "data": str(data), "cases": rows}
@@ -175,7 +181,6 @@ def run_cuboid(arguments) -> dict:
 def run_wave(arguments) -> dict:
     """Run a wave, measure its frequency or growth, set it beside the symbol's; what was found as a dictionary."""
     import pdjax as pd
-    from pdjax._checks import written_whole
 
     picture, data = _check_outputs(arguments)
     dim, n = arguments.dim, arguments.n
@@ -202,16 +207,13 @@ def run_wave(arguments) -> dict:
     waves = ", ".join(f"{x:.4g}" for x in k / np.pi)
     title = f"{kind} k = ({waves}) π/h, {dim}D, m = {arguments.m:g}, a = {arguments.a:g}, u₀ = {arguments.u0:g} h"
     figure = pd.figures.motion(history, size, law, title, "[h √(ρ/E₀)]")
-    with written_whole(picture) as stream:
-        figure.savefig(stream, format="png", dpi=150)
     arrays: dict[str, Any] = {
         "times": history.times,
         "amplitude": size,
         "u": history.u,
         "X": motion.scene.body.positions,
     }
-    with written_whole(data) as stream:
-        np.savez(stream, **arrays)
+    write_out(figure, picture, arrays, data)
     out = {
         "k": k.tolist(),
         "kind": kind,

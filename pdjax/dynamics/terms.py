@@ -143,7 +143,7 @@ def simulate_diffrax(
     elif isinstance(solver, diffrax.AbstractImplicitSolver):  # no controller to take the tolerances of its Newton from
         root = max(ROOT, 100 * float(jnp.finfo(real).eps))
         # VeryChord calls a residual at rounding diverged
-        newton: Any = optx.Chord(rtol=root, atol=root * jnp.maximum(size, unknown), norm=optx.max_norm)
+        newton: Any = optx.Chord(rtol=root, atol=root * jnp.maximum(size, unknown), norm=optx.max_norm)  # type: ignore[arg-type]
         if eqx.tree_equal(solver.root_finder, type(solver)().root_finder):  # type: ignore[attr-defined, call-arg]
             solver = eqx.tree_at(lambda s: s.root_finder, solver, newton)
     adjoint = diffrax.RecursiveCheckpointAdjoint() if adjoint is None else adjoint
