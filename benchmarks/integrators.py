@@ -45,7 +45,7 @@ def compiled_verlet(motion, steps: int):
 
 
 SOLVERS = {
-    "semi-implicit Euler": (diffrax.SemiImplicitEuler(), (500, 1000, 2000, 4000, 8000)),
+    "semi-implicit Euler": (diffrax.SemiImplicitEuler(), (500, 1000, 2000, 4000)),
     "Heun (2)": (diffrax.Heun(), (100, 200, 400, 800, 1600)),
     "Bosh3 (3)": (diffrax.Bosh3(), (60, 120, 240, 480, 960)),
     "Tsit5 (5)": (diffrax.Tsit5(), (40, 80, 160, 320)),
@@ -61,7 +61,7 @@ def precision() -> dict[str, list[dict]]:
     exact = final(pd.simulate_diffrax(motion, solver=diffrax.Dopri8(), rtol=1e-13, dt=0.01, saves=1))
     scale = np.abs(exact).max()
     rows: dict[str, list[dict]] = {"velocity Verlet (2)": []}
-    for steps in (60, 120, 240, 480, 960, 1920, 3840):
+    for steps in (60, 120, 240, 480, 960, 1920):
         error = np.abs(final(verlet(motion, steps)) - exact).max() / scale
         rows["velocity Verlet (2)"].append(
             {"steps": steps, "error": float(error), **timed(compiled_verlet(motion, steps))}

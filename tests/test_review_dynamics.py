@@ -166,6 +166,26 @@ def test_diffrax_from_a_start_of_zero():
             assert found.finished and worst(found.u[-1], exact) < 1e-2 * worst(exact)
 
 
+def test_diffrax_compiles_nothing_for_new_values():
+    def run(m):
+        return pd.simulate_diffrax(driven_bar(m=m), 1.0, dt=0.25, saves=1, solver=diffrax.Heun())
+
+    run(1.0)
+    counted = []
+    original = pd.SethHill.bond_force
+
+    def count(*arguments):
+        counted.append(1)
+        return original(*arguments)
+
+    pd.SethHill.bond_force = count
+    try:
+        run(0.7)
+    finally:
+        pd.SethHill.bond_force = original
+    assert not counted
+
+
 def test_a_root_finder_of_ones_own_is_kept(monkeypatch):
     seen = []
     from pdjax.dynamics import terms

@@ -41,14 +41,35 @@ def diffrax_start(motion: Motion) -> tuple[Array, Array]:
     return motion.start.reshape(-1)[keep], motion.velocity.reshape(-1)[keep]
 
 
+class _Field(eqx.Module):
+    """y' = (w, a(q) − c w). Modules, not closures: a new motion of the same shape compiles nothing anew."""
+
+    motion: Motion
+
+    def __call__(self, t, y, args):
+        q, w = y
+        return w, _acceleration(self.motion, t, q) - self.motion.damping * w
+
+
+class _Drift(eqx.Module):
+    """q' = w."""
+
+    def __call__(self, t, w, args):
+        return w
+
+
+class _Kick(eqx.Module):
+    """w' = a(q)."""
+
+    motion: Motion
+
+    def __call__(self, t, q, args):
+        return _acceleration(self.motion, t, q)
+
+
 def diffrax_terms(motion: Motion) -> diffrax.ODETerm:
     """y' of the module's head as one term; `args` is not used."""
-
-    def field(t, y, args):
-        q, w = y
-        return w, _acceleration(motion, t, q) - motion.damping * w
-
-    return diffrax.ODETerm(field)
+    return diffrax.ODETerm(_Field(motion))
 
 
 def symplectic_terms(motion: Motion) -> tuple[diffrax.ODETerm, diffrax.ODETerm]:
@@ -58,7 +79,7 @@ def symplectic_terms(motion: Motion) -> tuple[diffrax.ODETerm, diffrax.ODETerm]:
     """
     if is_concrete(motion.damping) and motion.damping != 0:
         raise ValueError(f"symplectic terms are for undamped motions; this one has damping {motion.damping}")
-    return diffrax.ODETerm(lambda t, w, args: w), diffrax.ODETerm(lambda t, q, args: _acceleration(motion, t, q))
+    return diffrax.ODETerm(_Drift()), diffrax.ODETerm(_Kick(motion))
 
 
 @eqx.filter_jit
