@@ -1,10 +1,10 @@
 """pdjax: a stability laboratory and differentiable engine for peridynamics, in JAX.
 
 Write a material model once, for one family of bonds; get its forces, its exact Jacobian, its spectrum, its
-critical loads and their gradients; and the equilibria of whole bodies with their spectra.
+critical loads and their gradients; and the equilibria and motions of whole bodies with their spectra.
 The library follows the dtype of its inputs and never touches `jax.config`:
 for signs of eigenvalues, enable float64 first, `jax.config.update("jax_enable_x64", True)`.
-`pdjax.figures` loads matplotlib when it is first used, not before.
+`pdjax.figures` and `pdjax.export` load matplotlib and meshio when they are first used, not before.
 """
 
 import importlib as _importlib
@@ -58,8 +58,8 @@ from .waves import Dispersion, classical_frequency, dispersion
 
 
 def __getattr__(name: str):
-    if name == "figures":
-        return _importlib.import_module(".figures", __name__)
+    if name in ("figures", "export"):
+        return _importlib.import_module(f".{name}", __name__)
     raise AttributeError(f"module 'pdjax' has no attribute {name!r}")
 
 
@@ -115,6 +115,7 @@ __all__ = [
     "diffrax_terms",
     "dispersion",
     "equilibrium_path",
+    "export",
     "families",
     "figures",
     "force_density",
