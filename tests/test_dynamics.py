@@ -167,8 +167,8 @@ SOLVERS = [
     (diffrax.Heun(), 2, 64),
     (diffrax.Bosh3(), 3, 64),
     (diffrax.Tsit5(), 5, 32),
-    (diffrax.ImplicitEuler(), 1, 128),
-    (diffrax.Kvaerno3(), 3, 64),
+    pytest.param(diffrax.ImplicitEuler(), 1, 128, marks=pytest.mark.long),
+    pytest.param(diffrax.Kvaerno3(), 3, 64, marks=pytest.mark.long),
 ]
 
 
@@ -255,6 +255,7 @@ def test_memory_of_the_gradient_grows_as_the_root_of_the_steps():
     assert large < 4 * small  # 16 times the steps: measured 1.3; every state kept would make it 16
 
 
+@pytest.mark.long
 def test_diffrax_gradient_agrees():
     def theirs(m):
         base = driven_bar(m=m)

@@ -33,7 +33,7 @@ def test_a_load_that_comes_is_no_energy_without_cause(schedule, save_every):
     assert pd.simulate(loaded(schedule=schedule), 60.0, dt=0.5, save_every=save_every, **QUIET).finished
 
 
-@pytest.mark.parametrize("share", [0.9, 0.99])
+@pytest.mark.parametrize("share", [0.99])
 def test_waves_next_to_the_critical_step_are_let_run(share):
     """Their energy swings by 1/(1 − share²) of itself; Verlet keeps its own."""
     wave = pd.scenes.wave(24, 3, 2 * np.pi * 3 / 24, 1e-6, pd.SethHill(1.0, BAR))
@@ -43,7 +43,7 @@ def test_waves_next_to_the_critical_step_are_let_run(share):
     assert worst(history.u) < 1e-4  # measured 7e-6 at 0.99
 
 
-@pytest.mark.parametrize(("m", "share", "every"), [(-1.0, 1.1, 50), (-1.0, 1.5, 20), (-3.0, 1.05, 50), (0.0, 1.1, 50)])
+@pytest.mark.parametrize(("m", "share", "every"), [(-1.0, 1.1, 50), (-1.0, 1.5, 50), (-3.0, 1.05, 50), (0.0, 1.1, 50)])
 def test_a_blow_up_by_the_step_is_blamed_on_the_step(m, share, every):
     """Where it ends, bonds may have gone soft: the start's critical step is not forgotten."""
     body = pd.bar(8, 8.0)
