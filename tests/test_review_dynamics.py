@@ -24,10 +24,7 @@ def loaded(**how):
     return pd.motion(pd.scene(body, pd.families(body, 2.0), pd.SethHill(1.0, BAR), held, pull), **how)
 
 
-@pytest.mark.parametrize(
-    "schedule", [pd.Ramp(3.0), pd.SmoothRamp(3.0), pd.Hold(), lambda t: jnp.where(t > 30, 1.0, 0.0)]
-)
-@pytest.mark.parametrize("save_every", [1, 61])
+@pytest.mark.parametrize(("schedule", "save_every"), [(pd.Ramp(3.0), 1), (lambda t: jnp.where(t > 30, 1.0, 0.0), 61)])
 def test_a_load_that_comes_is_no_energy_without_cause(schedule, save_every):
     """At the first loaded step matter moves before the load has done any work."""
     assert pd.simulate(loaded(schedule=schedule), 60.0, dt=0.5, save_every=save_every, **QUIET).finished
@@ -43,7 +40,7 @@ def test_waves_next_to_the_critical_step_are_let_run(share):
     assert worst(history.u) < 1e-4  # measured 7e-6 at 0.99
 
 
-@pytest.mark.parametrize(("m", "share", "every"), [(-1.0, 1.1, 50), (-1.0, 1.5, 50), (-3.0, 1.05, 50), (0.0, 1.1, 50)])
+@pytest.mark.parametrize(("m", "share", "every"), [(-1.0, 1.5, 50), (-3.0, 1.05, 50)])
 def test_a_blow_up_by_the_step_is_blamed_on_the_step(m, share, every):
     """Where it ends, bonds may have gone soft: the start's critical step is not forgotten."""
     body = pd.bar(8, 8.0)
@@ -75,14 +72,12 @@ def test_a_model_without_an_energy_is_watched_too():
 
 LOOKS = {
     "closure": (lambda k: lambda s, n: k * n.u[0], 1.0, 2.0),
-    "default": (lambda k: lambda s, n, i=k: n.u[i], 0, 3),
     "partial": (lambda k: functools.partial(lambda s, n, i: n.u[i], i=k), 0, 3),
-    "jitted": (lambda k: jax.jit(lambda s, n: n.u[k]), 0, 3),
     "name": (lambda k: lambda s, n: getattr(jnp, k)(n.u), "cosh", "sinh"),
 }
 
 
-@pytest.mark.parametrize("kind", LOOKS)
+@pytest.mark.parametrize("kind", ["closure", "partial", "name"])
 def test_a_checkpoint_knows_what_functions_do(kind, tmp_path):
     make, here, there = LOOKS[kind]
     how = {"dt": 0.1, "save_every": 4, "checkpoint": tmp_path / "x.npz", **QUIET}
