@@ -10,7 +10,8 @@ for signs of eigenvalues, enable float64 first, `jax.config.update("jax_enable_x
 import importlib as _importlib
 
 from . import closed_forms, observers, scenes
-from .bloch import p_wave_modulus, symbol
+from .bloch import center_block, p_wave_modulus, symbol
+from .cells import CellStability, cell_families, cell_stability, cell_symbol, relaxed
 from .conditions import body_force, homogeneous_traction, prescribe, total_force
 from .criteria import CRITERIA, Stability, stability
 from .criteria.body import BodyStability, body_inertia, body_spectrum, body_stability
@@ -47,13 +48,33 @@ from .influence import (
 from .kinematics import bond_average_strain, local_strain, log_stretch, shape_tensor_K, shape_tensor_L
 from .laws import EnergyLaw, Law, LinearElastic, NeoHookean
 from .maps import StabilityMap, stability_map
-from .models import AbstractModel, Correspondence, PointStateModel, SethHill, graded
+from .models import (
+    LPS,
+    AbstractModel,
+    BondAssociated,
+    BondAssociatedForce,
+    BondBased,
+    BondLevel,
+    BondLevelAverage,
+    Correspondence,
+    LittlewoodControl,
+    PointStateModel,
+    ReproducingKernel,
+    SethHill,
+    SillingControl,
+    SubHorizon,
+    TupekRadovitzky,
+    TwoStageModel,
+    WanControl,
+    graded,
+    plane_bulk_modulus,
+)
 from .neighbours import Bonds, Families, Family, families, lattice_family
 from .paths import PATHS, hydrostatic, simple_shear, uniaxial_strain, uniaxial_stress
 from .points import Points, bar, cloud, cuboid, lattice, plate
 from .problem import Scene, scene
 from .statics import Equilibrium, EquilibriumPath, equilibrium_path, solve
-from .tangent import center_block, jacobian, jvp
+from .tangent import jacobian, jvp
 from .waves import Dispersion, classical_frequency, dispersion
 
 
@@ -65,11 +86,18 @@ def __getattr__(name: str):
 
 __all__ = [
     "CRITERIA",
+    "LPS",
     "PATHS",
     "AbstractModel",
     "BodyCritical",
     "BodyStability",
+    "BondAssociated",
+    "BondAssociatedForce",
+    "BondBased",
+    "BondLevel",
+    "BondLevelAverage",
     "Bonds",
+    "CellStability",
     "Correspondence",
     "Dispersion",
     "Energies",
@@ -83,17 +111,24 @@ __all__ = [
     "Hold",
     "Law",
     "LinearElastic",
+    "LittlewoodControl",
     "Motion",
     "NeoHookean",
     "PointStateModel",
     "Points",
     "Ramp",
     "Rate",
+    "ReproducingKernel",
     "Scene",
     "SethHill",
+    "SillingControl",
     "SmoothRamp",
     "Stability",
     "StabilityMap",
+    "SubHorizon",
+    "TupekRadovitzky",
+    "TwoStageModel",
+    "WanControl",
     "amplitude",
     "bar",
     "body_critical_load",
@@ -102,6 +137,9 @@ __all__ = [
     "body_spectrum",
     "body_stability",
     "bond_average_strain",
+    "cell_families",
+    "cell_stability",
+    "cell_symbol",
     "center_block",
     "classical_frequency",
     "closed_forms",
@@ -138,8 +176,10 @@ __all__ = [
     "observers",
     "p_wave_modulus",
     "piola_stress",
+    "plane_bulk_modulus",
     "plate",
     "prescribe",
+    "relaxed",
     "scene",
     "scenes",
     "shape_tensor_K",

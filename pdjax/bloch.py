@@ -14,23 +14,31 @@ of it
     Ĵ(k) = −[ Σ b_ξ c_ξ + (Σ g_ξ s_ξ)(Σ r_ξ s_ξ) ],   c = |q|² = 4 sin²(k·ξ/2),  s = sin k·ξ,
     b = 2 V B,   g = 2 V G,   r = 2 R:
 
-linearise once for each (model, F), then thousands of wave vectors are two matrix products with tables of c and s.
+(For a model whose states are not even the general sum stands.) A model of two stages, with H the Hessian of a bond's
+energy (its states are linear in η and add no curvature), couples the states of both ends, ρ = Σ r s:
+
+    Ĵ(k) = −[ Σ b c + (Σ g s) ρ + ρᵀ(Σ g s)ᵀ + ρᵀ (Σ H_here + H_there + (H_mixed + H_mixedᵀ) cos k·ξ) ρ ]
+
+In all, linearise once for each (model, F), then thousands of wave vectors are two matrix products with tables of c
+and s.
 As k = tN → 0, Ĵ/t² tends to the same formula with c = (N·ξ)², s = N·ξ: minus the acoustic tensor.
 Sources: Born & Huang 1954 for the method; this form for state-based peridynamics is derived here.
 """
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from ._checks import deformation_gradient, require
 from .force import affine_stress, check_model
-from .models.base import AbstractModel, PointStateModel
+from .models.base import AbstractModel, PointStateModel, TwoStageModel
 from .neighbours import Family
-from .tangent import family_tangent, linearise_states
+from .tangent import TwoStage, family_tangent, linearise_states, linearise_two_stage
 
 
 class Phases(NamedTuple):
@@ -54,6 +62,13 @@ def long_wave_phases(fam: Family, direction: Float[Array, "*waves dim"]) -> Phas
     """The limit k → 0 along a direction (any length: the quotient by κ² does not depend on it)."""
     x = direction @ fam.xi[: fam.xi.shape[0] // 2].T / fam.spacing
     return Phases(x**2, x, jnp.zeros_like(x), jnp.sum(direction**2, axis=-1) / fam.spacing**2)
+
+
+def _components(tangent: Callable, phases: Phases) -> list[list[Array]]:
+    """Ĵ_ij of its symmetric part as separate (waves,) arrays."""
+    J = tangent(phases)
+    dim = J.shape[-1]
+    return [[(J[..., i, j] + J[..., j, i]) / 2 for j in range(dim)] for i in range(dim)]
 
 
 class StateTangent(eqx.Module):
@@ -100,13 +115,40 @@ class DenseTangent(eqx.Module):
         sine = jnp.einsum("...a,aibj,...b->...ij", phases.s, self.odd, phases.s)
         return -(cosine + sine)
 
-    def components(self, phases: Phases) -> list[list[Array]]:
-        J = self(phases)
-        dim = J.shape[-1]
-        return [[(J[..., i, j] + J[..., j, i]) / 2 for j in range(dim)] for i in range(dim)]
+    components = _components
 
 
-Tangent = StateTangent | DenseTangent
+class TwoStageTangent(eqx.Module):
+    """b, g, r over the half family of a model of two stages, and the energy of its states: at rest, and by cos k·ξ."""
+
+    b: Float[Array, "half dim dim"]
+    g: Float[Array, "half dim rank"]
+    r: Float[Array, "half rank dim"]
+    level: Float[Array, "rank rank"]
+    mixed: Float[Array, "half rank rank"]
+
+    def __call__(self, phases: Phases) -> Float[Array, "*waves dim dim"]:
+        direct = jnp.einsum("...h,hij->...ij", phases.c, self.b)
+        left = jnp.einsum("...h,hir->...ir", phases.s, self.g)
+        state = jnp.einsum("...h,hrj->...rj", phases.s, self.r)
+        inner = self.level + jnp.einsum("...h,hrs->...rs", phases.even, self.mixed)  # cos k·ξ = 1 + Re q
+        coupled = left @ state
+        return -(direct + coupled + coupled.mT + state.mT @ inner @ state)
+
+    components = _components
+
+
+Tangent = StateTangent | DenseTangent | TwoStageTangent
+
+
+def two_stage_tangent(t: TwoStage) -> TwoStageTangent:
+    """Fold the Hessians of a whole centro-symmetric family on its half."""
+    half = t.direct.shape[0] // 2
+    level = jnp.sum(t.here + t.there + t.mixed + t.mixed.mT, axis=0)
+    mixed = 2 * (t.mixed + t.mixed.mT)[:half]
+    return TwoStageTangent(
+        2 * t.direct[:half], 2 * (t.by_here + t.by_there)[:half], 2 * t.R[:, :half].transpose(1, 0, 2), level, mixed
+    )
 
 
 def homogeneous_tangent(model: AbstractModel, fam: Family, F: Float[Array, "dim dim"]) -> Tangent:
@@ -114,7 +156,9 @@ def homogeneous_tangent(model: AbstractModel, fam: Family, F: Float[Array, "dim 
     bonds = fam.bonds(F)
     half = fam.xi.shape[0] // 2
     V = bonds.volume[0]
-    if isinstance(model, PointStateModel):
+    if isinstance(model, TwoStageModel):
+        return two_stage_tangent(linearise_two_stage(model, bonds))
+    if isinstance(model, PointStateModel) and model.even:
         t = linearise_states(model, bonds, first=half)
         # far-end states carry e^{ik·ξ}: by parity their G adds to the near one in (Σ g s)
         return StateTangent(2 * V * t.B, 2 * V * (t.G + t.there), 2 * t.R.transpose(1, 0, 2))
@@ -143,6 +187,35 @@ def symbol(model: AbstractModel, fam: Family, F, k) -> Float[Array, "*waves dim 
 @eqx.filter_jit
 def _symbol(model: AbstractModel, fam: Family, F: Array, k: Array) -> Array:
     return homogeneous_tangent(model, fam, F)(wave_phases(fam, k))
+
+
+def center_block(model: AbstractModel, fam: Family, F) -> Float[Array, "dim dim"]:
+    """D = ∂f(X)/∂x(X): the Jacobian's block at the point itself, on an infinite lattice under x = F X.
+
+    D = Σ_ξ V [−(Σ_ζ C_ξζ) − C_ξξ]: its own bonds all move by −e, and in each neighbour's family one bond moves by +e.
+    It is the mean of the symbol over the Brillouin zone.
+    Arguments: F (dim, dim).  Returns: (dim, dim) [force/length^(dim+1)].  Raises: as `force_state`.
+    """
+    check_model(model, fam)
+    return block_at_center(model, fam, deformation_gradient(F, fam.dim))
+
+
+def block_at_center(model: AbstractModel, fam: Family, F: Float[Array, "dim dim"]) -> Float[Array, "dim dim"]:
+    """`center_block` unchecked, for drivers to trace."""
+    bonds = fam.bonds(F)
+    if isinstance(model, TwoStageModel):  # the mean of the symbol: exact, for no harmonic is higher than 3N
+        waves = np.stack(np.meshgrid(*[np.arange(3 * fam.reach + 1)] * fam.dim, indexing="ij"), axis=-1)
+        k = jnp.asarray(2 * np.pi / len(waves) * waves.reshape(-1, fam.dim), dtype=fam.xi.dtype) / fam.spacing
+        tangent = two_stage_tangent(linearise_two_stage(model, bonds))
+        return jnp.mean(tangent(wave_phases(fam, k)), axis=0)
+    if isinstance(model, PointStateModel):  # the same sums without ever forming C
+        t = linearise_states(model, bonds)
+        far = jnp.einsum("b,bir,rbj->ij", bonds.volume, t.G + t.there, t.R)
+        own = jnp.einsum("b,bir->ir", bonds.volume, t.G + t.there) @ t.R.sum(axis=1)
+        return -2 * jnp.einsum("b,bij->ij", bonds.volume, t.B) - own - far
+    C = family_tangent(model, bonds)
+    own = jnp.einsum("b,bicj->ij", bonds.volume, C)
+    return -own - jnp.einsum("b,bibj->ij", bonds.volume, C)
 
 
 def p_wave_modulus(model: AbstractModel, fam: Family) -> Float[Array, ""]:

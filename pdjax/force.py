@@ -4,11 +4,15 @@
 
 Only the point state A travels between points. A model without one gives its force state T for the whole
 family, and f_i = Σ_j (T_ij − T_ji) V_j takes T_ji through the reverse-bond index; the two agree where a model has both.
+A model of two stages sends its states out, and the forces on them back (`models.base`).
+
+What travels goes through an `Exchange`, so that the symbol of a periodic cell can turn its phase on the way.
 
 A model's constants may vary from point to point: a leaf whose first axis is as long as the body has points.
 """
 
-from typing import Any
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -17,8 +21,21 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ._checks import deformation_gradient, is_concrete
-from .models.base import AbstractModel, PointStateModel
-from .neighbours import Bonds, Families, Family
+from .models.base import AbstractModel, PointStateModel, TwoStageModel
+from .neighbours import EACH_BOND, Bonds, Families, Family
+
+
+class Exchange(NamedTuple):
+    """How points hear of each other: `far` (points, …) → (points, bonds, …) is a quantity at the other end of a bond;
+    `back` (points, bonds, …) → the same is that of the reverse bond, kept by the other end."""
+
+    far: Callable[[Array], Array]
+    back: Callable[[Array], Array]
+
+
+def plain_exchange(fams: Families) -> Exchange:
+    """Within a body: by the neighbours' indices."""
+    return Exchange(lambda x: x[fams.neighbours], lambda x: x[fams.neighbours, fams.reverse])
 
 
 def _split(model: AbstractModel, points: int) -> tuple[Any, Any]:
@@ -39,6 +56,9 @@ def check_model(model: AbstractModel, fams: Family | Families) -> None:
     """
     if not isinstance(model, AbstractModel):
         raise ValueError(f"model must be a pdjax model such as SethHill or Correspondence; got {model!r}")
+    if fams.dim not in model.dims:
+        allowed = " or ".join(f"{d}" for d in model.dims)
+        raise ValueError(f"{type(model).__name__} is defined in dimension {allowed}; this family has dim {fams.dim}")
     if not is_concrete(fams, model):
         return
     with jax.ensure_compile_time_eval():  # the values are known here even while something else is traced
@@ -62,11 +82,20 @@ def _refuse_singular(model: AbstractModel, fams: Family | Families) -> None:
     values = np.linalg.eigvalsh((tensors + tensors.mT) / 2)
     # smallest over largest eigenvalue of an exactly singular tensor: below 4 eps by rounding (1e-16, 3e-8 in float32)
     least = 1e-10 if bonds.xi.dtype == jnp.float64 else 1e-6
-    bad = ~(values[:, 0] > least * values[:, -1])
+    bad = ~(values[..., 0] > least * values[..., -1])
     if bad.any():
-        i = int(np.argmax(bad))
+        i = int(np.flatnonzero(bad)[0]) if bad.ndim == 1 else int(np.argwhere(bad)[0, 0])
+        where = "this lattice family" if single else f"the family of point {i}"
+        if bad.ndim == 2:
+            b = int(np.argwhere(bad)[0, 1])
+            reference = ", ".join(f"{x:.4g}" for x in np.asarray(bonds.xi[i, b]))
+            raise ValueError(
+                f"{type(model).__name__} needs an invertible shape tensor for every bond's own family, and that of bond"
+                f" {b}, ξ = ({reference}), of {where} is singular ({int(bad.sum())} such bonds): its members do not"
+                " span enough directions; take a larger r or horizon, or another model"
+            )
+        where += "" if single else f" ({int(bad.sum())} such points)"
         count = int((bonds.omega[i] > 0).sum())
-        where = "this lattice family" if single else f"the family of point {i} ({int(bad.sum())} such points)"
         raise ValueError(
             f"{type(model).__name__} needs an invertible shape tensor, and that of {where} is singular: its {count}"
             " bonds do not span enough directions; take a larger horizon or another model"
@@ -127,21 +156,60 @@ def _force_by_state(model: PointStateModel, fams: Families, bonds: Bonds) -> Flo
 
     there = other_state if model.needs_other_end else state
     axis = 0 if model.needs_other_end else None
-    out = jax.vmap(jax.vmap(one, (None, None, axis, 0)))(varying, state, there, bonds)
+    out = jax.vmap(jax.vmap(one, (None, None, axis, EACH_BOND)))(varying, state, there, bonds)
     # at the far end, "here" is the neighbour's state and "there" is this point's
-    back = jax.vmap(jax.vmap(one, (0, 0, None, 0)))(other_constants, other_state, state, fams.reversed(bonds))
+    back = jax.vmap(jax.vmap(one, (0, 0, None, EACH_BOND)))(other_constants, other_state, state, fams.reversed(bonds))
     return jnp.einsum("pb,pbi->pi", bonds.volume, out - back)
 
 
-def _force_by_family(model: AbstractModel, fams: Families, bonds: Bonds) -> Float[Array, "points dim"]:
-    T = each_point("force_state", model, bonds)
-    return jnp.einsum("pb,pbi->pi", bonds.volume, T - T[fams.neighbours, fams.reverse])
+def _two_stage_states(model: TwoStageModel, volumes: Array, bonds: Bonds, exchange: Exchange) -> Array:
+    """T by both stages: states out, bond energies, the forces on the states back."""
+    varying, shared = _split(model, bonds.xi.shape[0])
+
+    def states(eta):
+        return jax.vmap(lambda mine, b: eqx.combine(mine, shared).point_state(b))(varying, bonds._replace(eta=eta))
+
+    def one(eta, here, there, mine, bond):
+        return eqx.combine(mine, shared).bond_energy(here, there, bond._replace(eta=eta))
+
+    state, pull = jax.vjp(states, bonds.eta)
+    slope = jax.vmap(jax.vmap(jax.grad(one, (0, 1, 2)), (0, None, 0, None, EACH_BOND)))
+    direct, on_here, on_there = slope(bonds.eta, state, jax.tree.map(exchange.far, state), varying, bonds)
+    ratio = bonds.volume / volumes[:, None]
+
+    def total(here, there):
+        back = exchange.back(there)
+        return jnp.sum(here + ratio.reshape(ratio.shape + (1,) * (back.ndim - 2)) * back, axis=1)
+
+    (indirect,) = pull(jax.tree.map(total, on_here, on_there))
+    return (direct + indirect) / bonds.volume[..., None]
+
+
+def force_states(
+    model: AbstractModel, volumes: Float[Array, " points"], bonds: Bonds, exchange: Exchange
+) -> Float[Array, "points bonds dim"]:
+    """T of every bond of a body; unchecked, for drivers to trace."""
+    if isinstance(model, TwoStageModel):
+        return _two_stage_states(model, volumes, bonds, exchange)
+    if not model.needs_other_end:
+        return each_point("force_state", model, bonds)
+    varying, shared = _split(model, bonds.xi.shape[0])
+    state = each_point("point_state", model, bonds)
+
+    def one(mine, here, there, bond):
+        return eqx.combine(mine, shared).bond_force(here, there, bond)
+
+    far = jax.tree.map(exchange.far, state)
+    return jax.vmap(jax.vmap(one, (None, None, 0, EACH_BOND)))(varying, state, far, bonds)
 
 
 @eqx.filter_jit
 def _net_force(model: AbstractModel, fams: Families, bonds: Bonds) -> Float[Array, "points dim"]:
-    by_state = isinstance(model, PointStateModel)
-    return (_force_by_state if by_state else _force_by_family)(model, fams, bonds)  # type: ignore[arg-type]
+    if isinstance(model, PointStateModel):
+        return _force_by_state(model, fams, bonds)
+    exchange = plain_exchange(fams)
+    T = force_states(model, fams.volumes, bonds, exchange)
+    return jnp.einsum("pb,pbi->pi", bonds.volume, T - exchange.back(T))
 
 
 def force_density(model: AbstractModel, fams: Families, u, F=None) -> Float[Array, "points dim"]:
@@ -157,7 +225,18 @@ def force_density(model: AbstractModel, fams: Families, u, F=None) -> Float[Arra
 
 def strain_energy(model: AbstractModel, fams: Families, u, F=None) -> Float[Array, ""]:
     """Π = Σ_i V_i W_i [energy] of a body; arguments and errors as `force_density`."""
-    return jnp.dot(fams.volumes, each_point("energy", model, body_bonds(model, fams, u, F)))
+    bonds = body_bonds(model, fams, u, F)
+    if not isinstance(model, TwoStageModel):
+        return jnp.dot(fams.volumes, each_point("energy", model, bonds))
+    varying, shared = _split(model, len(fams))
+
+    def one(mine, here, there, bond):
+        return eqx.combine(mine, shared).bond_energy(here, there, bond)
+
+    state = each_point("point_state", model, bonds)
+    far = jax.tree.map(plain_exchange(fams).far, state)
+    each = jax.vmap(jax.vmap(one, (None, None, 0, EACH_BOND)))(varying, state, far, bonds)
+    return jnp.dot(fams.volumes, jnp.sum(each, axis=1))
 
 
 def strain(model: AbstractModel, fams: Families, u, F=None) -> Float[Array, "points dim dim"]:

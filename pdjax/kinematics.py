@@ -122,14 +122,18 @@ def displacement_gradient(bonds: Bonds) -> Float[Array, "dim dim"]:
     return solve_positive(shape_tensor_K(bonds), moment).T
 
 
+def bond_strain_moment(bonds: Bonds, m) -> Float[Array, " p"]:
+    """Σ w e_m n⊗n as a Mandel vector [length^dim]."""
+    w = bonds.omega * bonds.volume
+    return (w * seth_hill(log_stretch(bonds.xi, bonds.eta), m)) @ direction_mandel(bonds.xi)
+
+
 def bond_average_strain(bonds: Bonds, m) -> Float[Array, " p"]:
     """Ē_m = L⁻¹ : Σ w e_m n⊗n as a Mandel vector [-].
 
     Exact for similarities, and for every affine map if m = 1; to first order in the strain otherwise.
     """
-    w = bonds.omega * bonds.volume
-    moment = (w * seth_hill(log_stretch(bonds.xi, bonds.eta), m)) @ direction_mandel(bonds.xi)
-    return solve_positive(shape_tensor_L(bonds), moment)
+    return solve_positive(shape_tensor_L(bonds), bond_strain_moment(bonds, m))
 
 
 def local_strain(F: Float[Array, "dim dim"], m) -> Float[Array, "dim dim"]:

@@ -1,10 +1,10 @@
 """Families: the bonds that end at a point, for one lattice point or for every point of a body.
 
-A **bond** is the record (ξ, η, ω, V): reference vector ξ = X_j − X_i, relative displacement
+A **bond** is the record (ξ, η, ω, V, δ): reference vector ξ = X_j − X_i, relative displacement
 η = u_j − u_i (never positions: no cancellation at tiny strain), influence ω and volume V_j of the
-neighbour. Its deformed image is Y = ξ + η. The weight β ∈ [0, 1] of a bond (partial volume, damage) is folded into ω,
-so every model honours it; with T = (1/V_j) ∂W/∂Y_j the force density stays the exact
-gradient of the energy for any weights, even ones that differ between the two directions of a bond.
+neighbour, and the horizon δ, one for the family. Its deformed image is Y = ξ + η. The weight β ∈ [0, 1] of a
+bond (partial volume, damage) is folded into ω, so every model honours it; with T = (1/V_j) ∂W/∂Y_j the force density
+stays the exact gradient of the energy for any weights, even ones that differ between the two directions of a bond.
 
 A family holds the points with |ξ| ≤ δ(1 + 1e-9): ties do not depend on rounding. On a lattice it is in
 centro-symmetric order: bond b and bond b + bonds/2 are opposite.
@@ -38,6 +38,10 @@ class Bonds(NamedTuple):
     eta: Float[Array, "*points bonds dim"]
     omega: Float[Array, "*points bonds"]
     volume: Float[Array, "*points bonds"]
+    horizon: Float[Array, "*points"]
+
+
+EACH_BOND = Bonds(0, 0, 0, 0, None)  # type: ignore[arg-type]  # vmap axes: over the bonds of one family, which share δ
 
 
 def _influence(influence: Callable, r: Array, horizon) -> Array:
@@ -70,11 +74,19 @@ class Family(eqx.Module):
     def dim(self) -> int:
         return self.xi.shape[1]
 
+    @property
+    def reach(self) -> int:
+        """⌊N⌋, told from the number of bonds (static), for N is traced."""
+        reach = 1
+        while len(cells_within(self.dim, reach + 1.0)) <= self.xi.shape[0]:
+            reach += 1
+        return reach
+
     def bonds(self, F: Float[Array, "dim dim"]) -> Bonds:
         """The bonds of the family under the homogeneous deformation x = F X: η = (F − I) ξ."""
         eta = self.xi @ (F - jnp.eye(self.dim, dtype=F.dtype)).T
         volume = jnp.broadcast_to(self.spacing**self.dim, self.influence.shape)
-        return Bonds(self.xi, eta, self.influence * self.weight, volume)
+        return Bonds(self.xi, eta, self.influence * self.weight, volume, self.horizon)
 
     def with_weight(self, weight: Float[Array, " bonds"]) -> "Family":
         """The family with bond weights β ∈ [0, 1]; opposite bonds must weigh the same (one bond, two ends)."""
@@ -147,13 +159,14 @@ class Families(eqx.Module):
         eta = u[self.neighbours] - u[:, None, :]
         if F is not None:
             eta = eta + self.xi @ (F - jnp.eye(self.dim, dtype=self.xi.dtype)).T
-        return Bonds(self.xi, eta, self.influence * self.weight, self.volumes[self.neighbours])
+        horizon = jnp.broadcast_to(self.horizon, (len(self),))
+        return Bonds(self.xi, eta, self.influence * self.weight, self.volumes[self.neighbours], horizon)
 
     def reversed(self, bonds: Bonds) -> Bonds:
         """Every bond as seen from its other end: (−ξ, −η, ω_ji, V_i)."""
         omega = bonds.omega[self.neighbours, self.reverse]
         volume = jnp.broadcast_to(self.volumes[:, None], omega.shape)
-        return Bonds(-bonds.xi, -bonds.eta, omega, volume)
+        return Bonds(-bonds.xi, -bonds.eta, omega, volume, bonds.horizon)
 
     def with_weight(self, weight: Float[Array, "points bonds"]) -> "Families":
         """The families with bond weights β ∈ [0, 1] times the present ones (padding stays 0)."""
@@ -198,9 +211,20 @@ def families(body: Points, horizon: float, influence: Callable = constant_influe
     least = 0.0 if body.spacing is None else body.spacing / (1 + TIE)
     if not (math.isfinite(horizon) and horizon > 0 and horizon >= least):
         raise ValueError(f"horizon must be finite, > 0 and at least one spacing ({body.spacing}); got {horizon}")
-    points = len(body)
     lower, upper = _directed_pairs(body, horizon * (1 + TIE))
     i, j = np.concatenate([lower, upper]), np.concatenate([upper, lower])
+    vectors = body.positions[j] - body.positions[i]
+    if body.period is not None:
+        period = np.array(body.period)
+        vectors -= np.where(np.isfinite(period), period, 0.0) * np.round(vectors / period)
+    opposite = np.roll(np.arange(len(i)), len(lower))  # directed bond p runs back along p + pairs
+    return pack(body, horizon, influence, (i, j, vectors, opposite))
+
+
+def pack(body: Points, horizon: float, influence: Callable, directed: tuple[np.ndarray, ...]) -> Families:
+    """Directed bonds (i, j, vectors, index of the opposite bond) → padded arrays."""
+    i, j, vectors, opposite = directed
+    points = len(body)
     count = np.bincount(i, minlength=points)
     if (count == 0).any():
         raise ValueError(
@@ -210,7 +234,6 @@ def families(body: Points, horizon: float, influence: Callable = constant_influe
     order = np.lexsort((j, i))
     slot = np.empty(len(i), dtype=np.int64)
     slot[order] = np.arange(len(i)) - np.repeat(np.cumsum(count) - count, count)
-    opposite = np.roll(np.arange(len(i)), len(lower))  # directed bond p runs back along p + pairs
 
     width = int(count.max())
     neighbours = np.broadcast_to(np.arange(points)[:, None], (points, width)).copy()
@@ -218,10 +241,6 @@ def families(body: Points, horizon: float, influence: Callable = constant_influe
     xi = np.zeros((points, width, body.dim))
     xi[..., 0] = horizon
     weight = np.zeros((points, width))
-    vectors = body.positions[j] - body.positions[i]
-    if body.period is not None:
-        period = np.array(body.period)
-        vectors -= np.where(np.isfinite(period), period, 0.0) * np.round(vectors / period)
     neighbours[i, slot], reverse[i, slot], xi[i, slot], weight[i, slot] = j, slot[opposite], vectors, 1.0
 
     real = jnp.result_type(float)

@@ -36,11 +36,12 @@ class Points(eqx.Module):
         return self.positions.shape[0]
 
 
-def cloud(positions, volumes) -> Points:
+def cloud(positions, volumes, period: Sequence[float] | None = None) -> Points:
     """Any set of points.
 
-    Arguments: positions (points, dim) [length], dim 1 to 3; volumes (points,) or one number [length^dim].
-    Raises: ValueError for a wrong shape, NaN, a volume ≤ 0. Duplicates are found by `families`.
+    Arguments: positions (points, dim) [length], dim 1 to 3; volumes (points,) or one number [length^dim]; period (dim,)
+        box lengths of a periodic set [length], inf where it is not periodic.
+    Raises: ValueError for a wrong shape, NaN, a volume or period ≤ 0. Duplicates are found by `families`.
     """
     positions = finite("positions", positions)
     if positions.ndim != 2 or positions.shape[1] not in (1, 2, 3) or positions.shape[0] == 0:
@@ -51,7 +52,12 @@ def cloud(positions, volumes) -> Points:
     volumes = np.broadcast_to(volumes, (len(positions),)).copy()
     if (volumes <= 0).any():
         raise ValueError(f"volumes must be > 0; point {int(np.argmin(volumes))} has {volumes.min()}")
-    return Points(positions, volumes)
+    if period is None:
+        return Points(positions, volumes)
+    period = tuple(float(p) for p in np.atleast_1d(period))
+    if len(period) != positions.shape[1] or not all(p > 0 for p in period):
+        raise ValueError(f"period must hold {positions.shape[1]} lengths > 0 (inf: not periodic); got {period}")
+    return Points(positions, volumes, period=period)
 
 
 def lattice(shape: Sequence[int], spacing: float = 1.0, periodic: bool | Sequence[bool] = False) -> Points:

@@ -8,10 +8,12 @@ assembled from structure, never probed: with Δ the difference operator (η = Δ
 
 where B, G, R come from autodiff of the model's two small functions, point by point. The pattern is
 that of the product: two rings of neighbours, three where the far end's state is needed.
+A model of two stages has, with Z = (Δ; S; S at the far end), S = R Δ its states, and H the Hessian of a bond's energy,
+V J = −Zᵀ (V H) Z, since its states are linear in η.
 V J is symmetric for hyperelastic models; J itself only for equal volumes.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -21,10 +23,10 @@ import scipy.sparse as sp
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float
 
-from ._checks import choice, deformation_gradient
+from ._checks import choice
 from .force import _split, body_bonds, check_model, force_density, point_field
-from .models.base import AbstractModel, PointStateModel
-from .neighbours import Bonds, Families, Family
+from .models.base import AbstractModel, PointStateModel, TwoStageModel
+from .neighbours import EACH_BOND, Bonds, Families
 
 
 class LowRank(NamedTuple):
@@ -46,51 +48,65 @@ def linearise_states(model: PointStateModel, bonds: Bonds, there=None, first: in
     R = jax.jacrev(lambda eta: ravel_pytree(model.point_state(bonds._replace(eta=eta)))[0])(bonds.eta)
     far = jnp.broadcast_to(state, (bonds.eta.shape[0], state.shape[0])) if there is None else there
     R, far = R[:, :first], far[:first]
-    bonds = jax.tree.map(lambda x: x[:first], bonds)
+    bonds = jax.tree.map(lambda x: x[:first] if x.ndim else x, bonds)  # δ is no array of bonds
 
     def one(eta, here, there, bond):
         return model.bond_force(unravel(here), unravel(there), bond._replace(eta=eta))
 
-    B = jax.vmap(jax.jacfwd(one, 0), (0, None, 0, 0))(bonds.eta, state, far, bonds)
-    G = jax.vmap(jax.jacfwd(one, 1), (0, None, 0, 0))(bonds.eta, state, far, bonds)
+    each = (0, None, 0, EACH_BOND)
+    B = jax.vmap(jax.jacfwd(one, 0), each)(bonds.eta, state, far, bonds)
+    G = jax.vmap(jax.jacfwd(one, 1), each)(bonds.eta, state, far, bonds)
     if model.needs_other_end:
-        other = jax.vmap(jax.jacfwd(one, 2), (0, None, 0, 0))(bonds.eta, state, far, bonds)
+        other = jax.vmap(jax.jacfwd(one, 2), each)(bonds.eta, state, far, bonds)
     else:
         other = jnp.zeros_like(G)
     return LowRank(B, G, R, other)
 
 
+class TwoStage(NamedTuple):
+    """The second derivatives of bond energies φ(η, A_here, A_there), and R = ∂A/∂η, of one family."""
+
+    direct: Float[Array, "bonds dim dim"]
+    by_here: Float[Array, "bonds dim rank"]  # ∂²φ/∂η∂A_here
+    by_there: Float[Array, "bonds dim rank"]
+    here: Float[Array, "bonds rank rank"]
+    mixed: Float[Array, "bonds rank rank"]  # ∂²φ/∂A_here∂A_there
+    there: Float[Array, "bonds rank rank"]
+    R: Float[Array, "rank bonds dim"]
+
+
+def linearise_two_stage(model: TwoStageModel, bonds: Bonds, there=None) -> TwoStage:
+    """Hessians of every bond's energy and derivative of the state, by autodiff; `there` as in `linearise_states`."""
+    state, unravel = ravel_pytree(model.point_state(bonds))
+    R = jax.jacrev(lambda eta: ravel_pytree(model.point_state(bonds._replace(eta=eta)))[0])(bonds.eta)
+    far = jnp.broadcast_to(state, (bonds.eta.shape[0], state.shape[0])) if there is None else there
+
+    def one(eta, here, there, bond):
+        return model.bond_energy(unravel(here), unravel(there), bond._replace(eta=eta))
+
+    hessian = jax.hessian(one, argnums=(0, 1, 2))
+    (direct, by_here, by_there), (_, here, mixed), (_, _, at_far) = jax.vmap(hessian, (0, None, 0, EACH_BOND))(
+        bonds.eta, state, far, bonds
+    )
+    return TwoStage(direct, by_here, by_there, here, mixed, at_far, R)
+
+
 def family_tangent(model: AbstractModel, bonds: Bonds) -> Float[Array, "bonds dim bonds dim"]:
-    """C = ∂T/∂η of one family, dense, every point in the same state; (b, i, c, j) = ∂T_bi/∂η_cj."""
+    """C = ∂T/∂η of one family, dense, every point in the same state; (b, i, c, j) = ∂T_bi/∂η_cj.
+
+    Raises: ValueError for a model of two stages, whose force state is not a function of one family.
+    """
+    if isinstance(model, TwoStageModel):
+        raise ValueError(
+            f"the force state of {type(model).__name__} depends on its neighbours' families too: criteria of one family"
+            ' ("material", "material_center", "material_neighbour") do not apply; use "block" or "symbol"'
+        )
     if isinstance(model, PointStateModel):
         t = linearise_states(model, bonds)
         n = bonds.eta.shape[0]
         C = jnp.einsum("bir,rcj->bicj", t.G, t.R)  # own state only: dT at this point by its own bonds
         return C.at[jnp.arange(n), :, jnp.arange(n), :].add(t.B)
     return jax.jacfwd(lambda eta: model.force_state(bonds._replace(eta=eta)))(bonds.eta)
-
-
-def center_block(model: AbstractModel, fam: Family, F) -> Float[Array, "dim dim"]:
-    """D = ∂f(X)/∂x(X): the Jacobian's block at the point itself, on an infinite lattice under x = F X.
-
-    D = Σ_ξ V [−(Σ_ζ C_ξζ) − C_ξξ]: its own bonds all move by −e, and in each neighbour's family one bond moves by +e.
-    Arguments: F (dim, dim).  Returns: (dim, dim) [force/length^(dim+1)].  Raises: as `force_state`.
-    """
-    check_model(model, fam)
-    return block_at_center(model, fam, deformation_gradient(F, fam.dim))
-
-
-def block_at_center(model: AbstractModel, fam: Family, F: Float[Array, "dim dim"]) -> Float[Array, "dim dim"]:
-    """`center_block` unchecked, for drivers to trace."""
-    bonds = fam.bonds(F)
-    if isinstance(model, PointStateModel):  # the same sums without ever forming C
-        t = linearise_states(model, bonds)
-        far = jnp.einsum("b,bir,rbj->ij", bonds.volume, t.G + t.there, t.R)
-        own = jnp.einsum("b,bir->ir", bonds.volume, t.G + t.there) @ t.R.sum(axis=1)
-        return -2 * jnp.einsum("b,bij->ij", bonds.volume, t.B) - own - far
-    C = family_tangent(model, bonds)
-    own = jnp.einsum("b,bicj->ij", bonds.volume, C)
-    return -own - jnp.einsum("b,bibj->ij", bonds.volume, C)
 
 
 def jvp(model: AbstractModel, fams: Families, u, v, F=None) -> Float[Array, "points dim"]:
@@ -124,11 +140,12 @@ def _dense(model, fams, u, F):
 def _point_tangents(model, fams, bonds):
     """LowRank of every point (point-state models), or the dense C of every point."""
     varying, shared = _split(model, len(fams))
-    if not isinstance(model, PointStateModel):
+    if not isinstance(model, PointStateModel | TwoStageModel):
         return jax.vmap(lambda mine, b: family_tangent(eqx.combine(mine, shared), b))(varying, bonds)
     states = jax.vmap(lambda mine, b: ravel_pytree(eqx.combine(mine, shared).point_state(b))[0])(varying, bonds)
     far = states[fams.neighbours]
-    return jax.vmap(lambda mine, b, there: linearise_states(eqx.combine(mine, shared), b, there))(varying, bonds, far)
+    linearise: Any = linearise_two_stage if isinstance(model, TwoStageModel) else linearise_states
+    return jax.vmap(lambda mine, b, there: linearise(eqx.combine(mine, shared), b, there))(varying, bonds, far)
 
 
 def _block_csr(rows, cols, blocks, shape) -> sp.csr_array:
@@ -149,6 +166,8 @@ def _sparse(model: AbstractModel, fams: Families, bonds: Bonds) -> sp.csr_array:
     ones = np.broadcast_to(np.eye(dim), (count, dim, dim))
     V = np.asarray(fams.volumes, dtype=float)
     difference = _block_csr(bond, j, ones, (count, points)) - _block_csr(bond, i, ones, (count, points))
+    if isinstance(model, TwoStageModel):
+        return _of_energies(tangents, V, difference, (i, slot, j))
     divergence = _block_csr(i, bond, ones * V[j][:, None, None], (points, count)) - _block_csr(
         j, bond, ones * V[i][:, None, None], (points, count)
     )
@@ -167,5 +186,23 @@ def _sparse(model: AbstractModel, fams: Families, bonds: Bonds) -> sp.csr_array:
         blocks = np.asarray(tangents).transpose(0, 1, 3, 2, 4)[p, b, c]
         J = divergence @ (_block_csr(number[p, b], number[p, c], blocks, (count, count)) @ difference)
     J = J.tocsr()
+    J.sort_indices()
+    return J
+
+
+def _of_energies(t: TwoStage, V: np.ndarray, difference: sp.csr_array, true: tuple) -> sp.csr_array:
+    """J of a model of two stages: −V⁻¹ Zᵀ (V H) Z, the states of both ends taken together before the widest product."""
+    i, slot, j = true
+    bond, count, points = np.arange(len(i)), len(i), len(V)
+    dim = t.direct.shape[-1]
+    direct, by_here, by_there, here, mixed, there = (np.asarray(x)[i, slot] * V[i][:, None, None] for x in t[:-1])
+    state = _block_csr(i, bond, np.asarray(t.R).transpose(0, 2, 1, 3)[i, slot], (points, count)) @ difference
+    stretched = _block_csr(bond, bond, direct, (count, count)) @ difference
+    cross = _block_csr(bond, i, by_here, (count, points)) + _block_csr(bond, j, by_there, (count, points))
+    pair = _block_csr(i, j, mixed, (points, points))
+    inner = _block_csr(i, i, here, (points, points)) + _block_csr(j, j, there, (points, points)) + pair + pair.T
+    coupled = (difference.T @ cross) @ state
+    VJ = -(difference.T @ stretched + coupled + coupled.T + state.T @ (inner @ state))
+    J = (sp.diags_array(np.repeat(1 / V, dim)) @ VJ).tocsr()
     J.sort_indices()
     return J

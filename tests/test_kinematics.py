@@ -115,7 +115,7 @@ def family_bonds(dim, kind, i, seed):
     every = fams.bonds(jnp.asarray(bodies.displacement(dim, kind, seed)))
     mine = jax.tree.map(lambda x: x[i], every)
     true = np.asarray(fams.weight[i]) > 0
-    return mine, jax.tree.map(lambda x: np.asarray(x)[true], mine)
+    return mine, jax.tree.map(lambda x: np.asarray(x)[true] if x.ndim else x, mine)
 
 
 shape_L, shape_K = jax.jit(kin.shape_tensor_L), jax.jit(kin.shape_tensor_K)

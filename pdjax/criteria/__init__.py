@@ -14,7 +14,7 @@ from .._checks import choice, deformation_gradient, is_concrete
 from ..bloch import p_wave_modulus
 from ..force import check_model
 from ..models.base import AbstractModel
-from ..neighbours import Family, cells_within
+from ..neighbours import Family
 from ..zone import Zone, brillouin_zone, default_intervals
 from .continuum import continuum
 from .outcome import Outcome, Stability, margin_tolerance, verdicts
@@ -47,18 +47,10 @@ def evaluate(
 def family_zone(fam: Family, symmetry: str, resolution: int | None) -> Zone:
     """The Brillouin zone of a family; `resolution` None: the default for its reach."""
     if resolution is None:
-        resolution = default_intervals(_reach(fam))
+        resolution = default_intervals(fam.reach)
     if not (isinstance(resolution, int) and resolution >= 2):
         raise ValueError(f"resolution must be an integer >= 2 (grid intervals from 0 to π/h); got {resolution!r}")
     return brillouin_zone(fam.dim, resolution, symmetry)
-
-
-def _reach(fam: Family) -> int:
-    """⌊N⌋, told from the number of bonds (static), for N is traced."""
-    reach = 1
-    while len(cells_within(fam.dim, reach + 1.0)) <= fam.xi.shape[0]:
-        reach += 1
-    return reach
 
 
 def kept_symmetry(F, fam: Family, isotropic: bool) -> str:

@@ -43,6 +43,6 @@ def continuum(model: AbstractModel, fam: Family, F: Float[Array, "dim dim"], at=
     points, weights = sphere_rule(fam.dim)
     xi = jnp.asarray(points, dtype=fam.xi.dtype)
     omega: Array = jnp.asarray(weights, dtype=fam.xi.dtype)
-    bonds = Bonds(xi, xi @ (F - jnp.eye(fam.dim, dtype=F.dtype)).T, omega, jnp.ones_like(omega))
+    bonds = Bonds(xi, xi @ (F - jnp.eye(fam.dim, dtype=F.dtype)).T, omega, jnp.ones_like(omega), jnp.ones((), xi.dtype))
     value, mode = decide(-2 * jnp.sum(linearise_states(model, bonds).B, axis=0), at)
     return Outcome(value / p_wave_modulus(model, fam), value, mode, at=mode)

@@ -16,11 +16,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..bloch import p_wave_modulus
+from ..bloch import block_at_center, p_wave_modulus
 from ..kinematics import shape_tensor_K
 from ..models.base import AbstractModel
 from ..neighbours import Bonds, Family
-from ..tangent import block_at_center, family_tangent
+from ..tangent import family_tangent
 from .outcome import Outcome, decide
 
 

@@ -1,8 +1,36 @@
-"""The material models, one short file each, and the one table of them."""
+"""The material models, one short file each."""
 
-from .base import AbstractModel, PointStateModel
+from .base import AbstractModel, PointStateModel, TwoStageModel
+from .bond_associated import BondAssociated, BondAssociatedForce
+from .bond_based import BondBased
+from .bond_level import BondLevel, BondLevelAverage
+from .control import LittlewoodControl, SillingControl, WanControl
 from .correspondence import Correspondence
 from .graded import graded
-from .seth_hill import SethHill
+from .lps import LPS
+from .plane import plane_bulk_modulus
+from .reproducing_kernel import ReproducingKernel
+from .seth_hill import SethHill, TupekRadovitzky
+from .sub_horizon import SubHorizon
 
-__all__ = ["AbstractModel", "Correspondence", "PointStateModel", "SethHill", "graded"]
+__all__ = [
+    "LPS",
+    "AbstractModel",
+    "BondAssociated",
+    "BondAssociatedForce",
+    "BondBased",
+    "BondLevel",
+    "BondLevelAverage",
+    "Correspondence",
+    "LittlewoodControl",
+    "PointStateModel",
+    "ReproducingKernel",
+    "SethHill",
+    "SillingControl",
+    "SubHorizon",
+    "TupekRadovitzky",
+    "TwoStageModel",
+    "WanControl",
+    "graded",
+    "plane_bulk_modulus",
+]

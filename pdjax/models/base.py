@@ -1,11 +1,20 @@
-"""What a material model is: an energy of one family, or two small functions of it.
+"""What a material model is: an energy of one family, or small functions of it.
 
     T_j = (1/V_j) ∂W/∂Y_j            force state [force/length^(2 dim)]
 
-A model with a **point state** gives `point_state(bonds) -> A` (sums over the family turned into what one bond needs)
+**By its energy** (`AbstractModel`): W(bonds), and everything else follows by autodiff.
+
+**By a point state** (`PointStateModel`): `point_state(bonds) -> A` (sums over the family turned into what a bond needs)
 and `bond_force(A_here, A_there, bond) -> t`; only A travels between points. Such a force state has a cheap exact
 derivative, ∂T_b/∂Y_c = δ_bc B_b + G_b R_c, with B = ∂t/∂η, G = ∂t/∂A, R = ∂A/∂η: a block for each bond plus a
-product of rank dim A. Models that give the energy alone take both from autodiff.
+product of rank dim A.
+
+**By the states of both ends** (`TwoStageModel`): `point_state(bonds) -> A`, linear in η, and `bond_energy(A_here,
+A_there, bond) -> φ`, W_i = Σ_j φ(A_i, A_j, bond). The second stage, also a sum over the family, is the force on A,
+
+    Λ_i = Σ_j [∂φ_ij/∂A_i + (V_j/V_i) ∂φ_ji/∂A_i],    T_ij = (1/V_j) [∂φ_ij/∂η_ij + Λ_i ∂A_i/∂η_ij]
+
+so that f = Σ_j (T_ij − T_ji) V_j is the exact gradient of Σ V_i W_i; it reaches three rings of neighbours.
 
 A model declares its promises as class attributes; the tests, the sparsity and the choice of method read them.
 """
@@ -18,22 +27,41 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..kinematics import displacement_gradient
-from ..neighbours import Bonds
+from ..neighbours import EACH_BOND, Bonds
+
+PROMISES = (
+    "hyperelastic",
+    "objective",
+    "balances_moments",
+    "affine_exact",
+    "moduli_exact",
+    "rings",
+    "needs_other_end",
+    "even",
+    "dims",
+)
 
 
 class AbstractModel(eqx.Module):
     """A model by its energy: subclass it, define `energy(bonds) -> W`, and everything else follows.
 
     Promises (class attributes): `hyperelastic` the force is the gradient of an energy; `objective` a rigid
-    rotation changes nothing; `affine_exact` every affine map gives the law's exact stress; `rings` how many rings of
-    neighbours the force on a point reaches; `needs_other_end` a bond's force needs the state of its far end.
+    rotation of the deformed body turns the forces and changes nothing else; `balances_moments` internal forces exert no
+    moment; `affine_exact` every affine map gives the law's exact stress, at surfaces too; `moduli_exact`
+    the tangent at rest inside a lattice is the law's; `rings` how many rings of
+    neighbours the force on a point reaches; `needs_other_end` a bond's force needs the state of its far end; `even` the
+    point state of a family is that of its mirror image, ξ → −ξ; `dims` the dimensions it is defined in.
     """
 
     hyperelastic: ClassVar[bool] = True
     objective: ClassVar[bool] = True
+    balances_moments: ClassVar[bool] = True
     affine_exact: ClassVar[bool] = False
+    moduli_exact: ClassVar[bool] = True
     rings: ClassVar[int] = 2
     needs_other_end: ClassVar[bool] = False
+    even: ClassVar[bool] = True
+    dims: ClassVar[tuple[int, ...]] = (1, 2, 3)
 
     @property
     def isotropic(self) -> bool:
@@ -49,8 +77,9 @@ class AbstractModel(eqx.Module):
         gradient = jax.grad(lambda eta: self.energy(bonds._replace(eta=eta)))(bonds.eta)
         return gradient / bonds.volume[:, None]
 
-    def shape_tensor(self, bonds: Bonds) -> Float[Array, "n n"] | None:
-        """The matrix that must be invertible for this model to make sense, or None."""
+    def shape_tensor(self, bonds: Bonds) -> Float[Array, "*sub n n"] | None:
+        """The matrix that must be invertible for this model to make sense, one for each bond if bonds have
+        sub-families; None if there is none."""
         return None
 
     def local_energy(self, F: Float[Array, "dim dim"]) -> Float[Array, ""]:
@@ -81,4 +110,24 @@ class PointStateModel(AbstractModel):
     def force_state(self, bonds: Bonds) -> Float[Array, "bonds dim"]:
         """T on every bond, every point of the family being in this point's own state (homogeneous deformation)."""
         state = self.point_state(bonds)
-        return jax.vmap(self.bond_force, (None, None, 0))(state, state, bonds)
+        return jax.vmap(self.bond_force, (None, None, EACH_BOND))(state, state, bonds)
+
+
+class TwoStageModel(AbstractModel):
+    """A model by the energies of its bonds, which look at the states of both their ends."""
+
+    rings: ClassVar[int] = 3
+    needs_other_end: ClassVar[bool] = True
+
+    def point_state(self, bonds: Bonds) -> Any:
+        """A: an array or a tree of arrays, from sums over the family, linear in η."""
+        raise NotImplementedError
+
+    def bond_energy(self, here: Any, there: Any, bond: Bonds) -> Float[Array, ""]:
+        """φ [energy/length^dim], the part of W that one bond brings (ξ (dim,), η (dim,), ω, V scalars)."""
+        raise NotImplementedError
+
+    def energy(self, bonds: Bonds) -> Float[Array, ""]:
+        """W of a family whose points are all in this point's own state (homogeneous deformation)."""
+        state = self.point_state(bonds)
+        return jnp.sum(jax.vmap(self.bond_energy, (None, None, EACH_BOND))(state, state, bonds))

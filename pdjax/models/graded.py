@@ -14,13 +14,11 @@ from jaxtyping import Array, Float
 
 from .._checks import as_real, is_concrete
 from ..neighbours import Bonds
-from .base import AbstractModel, PointStateModel
-
-PROMISES = ("hyperelastic", "objective", "affine_exact", "rings", "needs_other_end")
+from .base import PROMISES, AbstractModel, PointStateModel, TwoStageModel
 
 
 class _Graded(AbstractModel):
-    """What both kinds share: everything that is linear in the energy is multiplied, the kinematics are not."""
+    """What all kinds share: everything that is linear in the energy is multiplied, the kinematics are not."""
 
     base: AbstractModel
     factor: Float[Array, "..."] = eqx.field(converter=as_real)
@@ -32,7 +30,7 @@ class _Graded(AbstractModel):
     def energy(self, bonds: Bonds) -> Float[Array, ""]:
         return self.factor * self.base.energy(bonds)
 
-    def shape_tensor(self, bonds: Bonds) -> Float[Array, "n n"] | None:
+    def shape_tensor(self, bonds: Bonds) -> Float[Array, "*sub n n"] | None:
         return self.base.shape_tensor(bonds)
 
     def local_energy(self, F: Float[Array, "dim dim"]) -> Float[Array, ""]:
@@ -62,8 +60,18 @@ class GradedState(_Graded, PointStateModel):
         return self.factor * self.base.bond_force(here, there, bond)  # type: ignore[attr-defined]
 
 
+class GradedTwoStage(_Graded, TwoStageModel):
+    """A graded model of two stages: a bond's energy carries the factor of the point whose energy it is."""
+
+    def point_state(self, bonds: Bonds) -> Any:
+        return self.base.point_state(bonds)  # type: ignore[attr-defined]
+
+    def bond_energy(self, here: Any, there: Any, bond: Bonds) -> Float[Array, ""]:
+        return self.factor * self.base.bond_energy(here, there, bond)  # type: ignore[attr-defined]
+
+
 for _name in PROMISES:
-    for _kind in (GradedEnergy, GradedState):
+    for _kind in (GradedEnergy, GradedState, GradedTwoStage):
         setattr(_kind, _name, property(attrgetter(f"base.{_name}")))
 
 
@@ -75,5 +83,5 @@ def graded(model: AbstractModel, factor) -> AbstractModel:
     factor = as_real(factor)
     if is_concrete(factor) and not bool((jnp.isfinite(factor) & (factor > 0)).all()):
         raise ValueError("factor of a graded model must be finite and > 0 everywhere")
-    kind = GradedState if isinstance(model, PointStateModel) else GradedEnergy
-    return kind(model, factor)
+    kinds = ((PointStateModel, GradedState), (TwoStageModel, GradedTwoStage), (AbstractModel, GradedEnergy))
+    return next(graded for kind, graded in kinds if isinstance(model, kind))(model, factor)

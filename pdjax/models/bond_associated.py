@@ -1,0 +1,93 @@
+"""Bond-associated correspondence: every bond has a family of its own, the part of the point's that lies near its end.
+
+    h_b = {k in H : |ξ_k − ξ_b| ≤ r δ},   K_b = Σ_{k∈h_b} w_k ξ_k⊗ξ_k,   F_b = I + (Σ_{k∈h_b} w_k η_k⊗ξ_k) K_b⁻¹,
+
+**Energy-consistent** (`BondAssociated`): W = Σ_b v_b ψ(F_b), v_b = V_b/Σ V_b, and so
+
+    T_k = ω_k Σ_{b: k∈h_b} v_b P_b K_b⁻¹ ξ_k.
+
+**As first published** (`BondAssociatedForce`): T_b = ω_b (V_h/V_H) P_b K_b⁻¹ ξ_b, the stress of a bond's own sub-family
+on that bond alone: the derivative of no energy, Jacobian not symmetric, and Σ T×Y ≠ 0: internal forces exert moments.
+Each sub-family must span space: r near 0 or a small family is refused with the bond named. Work is bonds² a point.
+Sources: Chen 2018 (force); Chen & Spencer 2019 (energy).
+"""
+
+from typing import ClassVar
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from .._checks import as_real, is_concrete, require
+from ..kinematics import solve_positive
+from ..neighbours import TIE, Bonds
+from .bond_level import GradientModel
+from .with_law import energy_of_gradient, stress_of_gradient
+
+
+class _SubFamilies(GradientModel):
+    """Kinematics by sub-families of reach r δ, r [-] > 0."""
+
+    r: Float[Array, "..."] = eqx.field(converter=as_real, default=1.0)
+
+    def __check_init__(self):
+        if is_concrete(self.r):
+            require(self.r, jnp.isfinite(self.r) & (self.r > 0), f"r must be finite and > 0; got {self.r}")
+
+    def _members(self, bonds: Bonds) -> Float[Array, "bonds bonds"]:
+        """w_k where k belongs to h_b, else 0: (b, k)."""
+        apart = jnp.sum((bonds.xi[:, None, :] - bonds.xi[None, :, :]) ** 2, axis=-1)
+        inside = apart <= (self.r * bonds.horizon * (1 + TIE)) ** 2
+        return jnp.where(inside, (bonds.omega * bonds.volume)[None, :], 0.0)
+
+    def shape_tensor(self, bonds: Bonds) -> Float[Array, "*sub n n"]:
+        """K_b of every bond; of a bond without weight (padding), which has no part in anything, the family's K."""
+        w = bonds.omega * bonds.volume
+        members = jnp.where((w > 0)[:, None], self._members(bonds), w[None, :])
+        return jnp.einsum("bk,ki,kj->bij", members, bonds.xi, bonds.xi)
+
+    def _gradients(self, bonds: Bonds) -> tuple[Array, Array]:
+        """K_b⁻¹ and H_b = F_b − I of every bond."""
+        I = jnp.eye(bonds.xi.shape[1], dtype=bonds.xi.dtype)
+        inverse = jax.vmap(lambda K: solve_positive(K, I))(self.shape_tensor(bonds))
+        moment = jnp.einsum("bk,ki,kj->bij", self._members(bonds), bonds.eta, bonds.xi)
+        return inverse, moment @ inverse
+
+    def _volumes(self, bonds: Bonds) -> Float[Array, " bonds"]:
+        """V of the true bonds, 0 of those without weight."""
+        return jnp.where(bonds.omega > 0, bonds.volume, 0.0)
+
+
+class BondAssociated(_SubFamilies):
+    """Bond-associated correspondence of a law in F or E, with the forces of its energy."""
+
+    def energy(self, bonds: Bonds) -> Float[Array, ""]:
+        _, H = self._gradients(bonds)
+        V = self._volumes(bonds)
+        return jnp.dot(V, jax.vmap(lambda H: energy_of_gradient(self.law, H))(H)) / jnp.sum(V)
+
+    def force_state(self, bonds: Bonds) -> Float[Array, "bonds dim"]:
+        inverse, H = self._gradients(bonds)
+        V = self._volumes(bonds)
+        P = jax.vmap(lambda H: stress_of_gradient(self.law, H))(H)
+        each = (V / jnp.sum(V))[:, None, None] * (P @ inverse)
+        member = self._members(bonds)  # (b, k), holds ω_k V_k
+        return jnp.einsum("bk,bij,kj->ki", member, each, bonds.xi) / bonds.volume[:, None]
+
+
+class BondAssociatedForce(_SubFamilies):
+    """Bond-associated correspondence as first published: a force without an energy."""
+
+    hyperelastic: ClassVar[bool] = False
+    balances_moments: ClassVar[bool] = False
+
+    def energy(self, bonds: Bonds) -> Float[Array, ""]:
+        raise ValueError("BondAssociatedForce is not the derivative of an energy; BondAssociated is")
+
+    def force_state(self, bonds: Bonds) -> Float[Array, "bonds dim"]:
+        inverse, H = self._gradients(bonds)
+        V = self._volumes(bonds)
+        P = jax.vmap(lambda H: stress_of_gradient(self.law, H))(H)
+        part = jnp.where(self._members(bonds) > 0, V[None, :], 0.0).sum(axis=1) / jnp.sum(V)
+        return (part * bonds.omega)[:, None] * jnp.einsum("bij,bj->bi", P @ inverse, bonds.xi)

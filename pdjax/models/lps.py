@@ -1,0 +1,65 @@
+"""The linear peridynamic solid: a bulk modulus for the dilatation θ, a shear modulus for what else a bond does.
+
+    W = ½ k θ² + ½ α Σ w (e − θ|ξ|/d)²,    e = |Y| − |ξ|,   θ = (d/m_w) Σ w |ξ| e,   m_w = Σ w |ξ|²,
+    T = ω [p |ξ| + α e] Y/|Y|,    p = d k θ/m_w − α θ/d,    α = d(d + 2) G/m_w
+
+The point state is (p, α). θ is exact under similarities for every family; the shear modulus is exact on a full ball and
+off by the anisotropy of a lattice (measured in the atlas). k is the d-dimensional bulk modulus: `plane_bulk_modulus`
+gives it for plane strain and plane stress. In 1D there is no shear and the model is refused.
+Source: Silling et al. 2007.
+"""
+
+from typing import ClassVar
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from .._checks import as_real, is_concrete, require
+from ..kinematics import log_stretch
+from ..neighbours import Bonds
+from .base import PointStateModel
+
+
+class LPS(PointStateModel):
+    """Linear peridynamic solid of bulk and shear modulus [pressure], both > 0 (in 2D `bulk` is the plane's)."""
+
+    bulk: Float[Array, "..."] = eqx.field(converter=as_real)
+    shear: Float[Array, "..."] = eqx.field(converter=as_real)
+    moduli_exact: ClassVar[bool] = False
+    dims: ClassVar[tuple[int, ...]] = (2, 3)
+
+    def __check_init__(self):
+        for name in ("bulk", "shear"):
+            value = getattr(self, name)
+            if is_concrete(value):
+                require(value, jnp.isfinite(value) & (value > 0), f"{name} must be finite and > 0; got {value}")
+
+    @property
+    def isotropic(self) -> bool:
+        return True
+
+    def _extensions(self, bonds: Bonds) -> tuple[Array, Array, Array, Array]:
+        """e, θ, m_w, α."""
+        dim = bonds.xi.shape[1]
+        w, length = bonds.omega * bonds.volume, jnp.linalg.norm(bonds.xi, axis=1)
+        e = length * jnp.expm1(log_stretch(bonds.xi, bonds.eta))
+        m_w = jnp.sum(w * length**2)
+        return e, dim * jnp.sum(w * length * e) / m_w, m_w, dim * (dim + 2) * self.shear / m_w
+
+    def energy(self, bonds: Bonds) -> Float[Array, ""]:
+        e, theta, _, alpha = self._extensions(bonds)
+        deviation = e - theta * jnp.linalg.norm(bonds.xi, axis=1) / bonds.xi.shape[1]
+        return 0.5 * self.bulk * theta**2 + 0.5 * alpha * jnp.sum(bonds.omega * bonds.volume * deviation**2)
+
+    def point_state(self, bonds: Bonds) -> tuple[Array, Array]:
+        dim = bonds.xi.shape[1]
+        _, theta, m_w, alpha = self._extensions(bonds)
+        return (dim * self.bulk / m_w - alpha / dim) * theta, alpha
+
+    def bond_force(self, here: tuple[Array, Array], there, bond: Bonds) -> Float[Array, " dim"]:
+        p, alpha = here
+        ell = log_stretch(bond.xi, bond.eta)
+        length = jnp.linalg.norm(bond.xi)
+        pull = p * length + alpha * length * jnp.expm1(ell)
+        return bond.omega * pull * jnp.exp(-ell) / length * (bond.xi + bond.eta)
