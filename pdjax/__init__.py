@@ -10,6 +10,7 @@ for signs of eigenvalues, enable float64 first, `jax.config.update("jax_enable_x
 import importlib as _importlib
 
 from . import closed_forms, observers, scenes
+from .atlas import Atlas, model_atlas, zero_energy_waves
 from .bloch import center_block, p_wave_modulus, symbol
 from .cells import CellStability, cell_families, cell_stability, cell_symbol, relaxed
 from .conditions import body_force, homogeneous_traction, prescribe, total_force
@@ -49,6 +50,7 @@ from .kinematics import bond_average_strain, local_strain, log_stretch, shape_te
 from .laws import EnergyLaw, Law, LinearElastic, NeoHookean
 from .maps import StabilityMap, stability_map
 from .models import (
+    CATALOGUE,
     LPS,
     AbstractModel,
     BondAssociated,
@@ -85,10 +87,12 @@ def __getattr__(name: str):
 
 
 __all__ = [
+    "CATALOGUE",
     "CRITERIA",
     "LPS",
     "PATHS",
     "AbstractModel",
+    "Atlas",
     "BodyCritical",
     "BodyStability",
     "BondAssociated",
@@ -172,6 +176,7 @@ __all__ = [
     "local_strain",
     "log_stretch",
     "measured_rate",
+    "model_atlas",
     "motion",
     "observers",
     "p_wave_modulus",
@@ -200,4 +205,5 @@ __all__ = [
     "uniaxial_strain",
     "uniaxial_stress",
     "verlet_rate",
+    "zero_energy_waves",
 ]

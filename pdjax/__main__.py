@@ -1,4 +1,4 @@
-"""The command line: `pdjax map`, `critical`, `symbol`, `run SCENE` (the same as `python -m pdjax`).
+"""The command line: `pdjax map`, `critical`, `symbol`, `atlas`, `run SCENE` (the same as `python -m pdjax`).
 
 Thin: it reads arguments, asks the package, prints and draws. Numbers are float64, for their signs are the product.
 """
@@ -13,6 +13,7 @@ import time
 import numpy as np
 
 from ._run import add_run, run
+from ._run_atlas import add_atlas, run_atlas
 
 _EPILOG = """examples
   pdjax map                                     the default map: 2D, N = 3, orders m in [-2, 2], |a| up to 30 %
@@ -20,6 +21,7 @@ _EPILOG = """examples
   pdjax map --m=-1:2:61 --a=-0.1:0.1:81         finer near the origin (lo:hi:count; write = before a minus sign)
   pdjax critical --m 0 1 2                      critical loads of three orders, every criterion, both sides
   pdjax symbol --m 0 --a=-0.02                  one state: its verdict, the wave that decides, its spectrum
+  pdjax atlas --dim 2 3                         every model, every path: critical strains, zero-energy waves, cost
   pdjax run singular-bar                        the paper's singular bar, tension and compression, both models
   pdjax run step-bar --strain=-0.001            the paper's step-size bar at one strain
   pdjax run cuboid --m 0                        the paper's cuboid, pulled and pushed, explicit in time
@@ -102,6 +104,7 @@ def _parser() -> argparse.ArgumentParser:
     job.add_argument("--a", type=float, default=-0.01, help="load (default -0.01)")
     job.add_argument("--out", help="also draw the spectrum along the edges of the Brillouin zone to this PNG")
 
+    add_atlas(jobs, formatter)
     add_run(jobs, formatter)
     return parser
 
@@ -274,7 +277,7 @@ def main(argv: list[str] | None = None) -> int:
     import jax
 
     jax.config.update("jax_enable_x64", True)
-    job = {"map": _map, "critical": _critical, "symbol": _symbol, "run": run}[arguments.job]
+    job = {"map": _map, "critical": _critical, "symbol": _symbol, "atlas": run_atlas, "run": run}[arguments.job]
     try:
         out = job(arguments)
     except (ValueError, OSError) as error:

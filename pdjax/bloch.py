@@ -95,8 +95,9 @@ class StateTangent(eqx.Module):
         b = jnp.stack([(self.b[:, i, j] + self.b[:, j, i]) / 2 for i, j in pairs])
         direct = b @ phases.c.T
         odd = jnp.concatenate([self.g.reshape(half, -1), self.r.reshape(half, -1)], axis=1).T @ phases.s.T
-        left = odd[: dim * rank].reshape(dim, rank, -1)
-        right = odd[dim * rank :].reshape(rank, dim, -1)
+        waves = phases.s.shape[0]
+        left = odd[: dim * rank].reshape(dim, rank, waves)  # rank 0: springs have no state
+        right = odd[dim * rank :].reshape(rank, dim, waves)
         out: list[list[Array]] = [[jnp.zeros(())] * dim for _ in range(dim)]
         for n, (i, j) in enumerate(pairs):
             product = sum(left[i, r] * right[r, j] + left[j, r] * right[r, i] for r in range(rank)) / 2

@@ -36,9 +36,10 @@ def sphere_rule(dim: int) -> tuple[np.ndarray, np.ndarray]:
 
 def continuum(model: AbstractModel, fam: Family, F: Float[Array, "dim dim"], at=None) -> Outcome:
     """λ_max(−2 Σ_n weight · B(n)) / M with unit bonds; the discretisation of `fam` plays no part but through M."""
-    if not isinstance(model, PointStateModel):
+    if not isinstance(model, PointStateModel) or getattr(model, "control", None) is not None:
         raise ValueError(
-            f"criterion 'continuum' needs a model with a point state; {type(model).__name__} gives its energy alone"
+            "criterion 'continuum' takes B(ξ) of one bond for all lengths: it needs a model with a point state and no"
+            f" control of zero-energy modes; got {type(model).__name__}"
         )
     points, weights = sphere_rule(fam.dim)
     xi = jnp.asarray(points, dtype=fam.xi.dtype)

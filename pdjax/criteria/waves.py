@@ -5,7 +5,8 @@
     local    the same of the classical law at this F; differs from affine for Seth–Hill unless m = 1
 
 The maximiser is searched with derivatives stopped (`pdjax.zone`); the margin is then the quotient at that wave
-vector and mode, so its derivative in any parameter is vᵀ(∂Ĵ)v: the envelope theorem.
+vector and mode, so its derivative in any parameter is vᵀ(∂Ĵ)v: the envelope theorem. A model without an energy is
+judged by the growth of its modes instead (`flutter`).
 """
 
 import jax
@@ -17,6 +18,7 @@ from ..force import affine_stress
 from ..models.base import AbstractModel
 from ..neighbours import Family
 from ..zone import Zone, class_starts, directions, largest_eigenvalue, nudge, refine, top_pair
+from . import flutter
 from .outcome import Outcome, margin_tolerance
 
 
@@ -77,6 +79,8 @@ def symbol(
     """The exact test: see the module. `fastest`: also find the largest eigenvalue, which unstable states report."""
     tangent = homogeneous_tangent(model, fam, F)
     M = p_wave_modulus(model, fam)
+    if not model.hyperelastic:
+        return _by_growth(tangent, M, fam, zone, at)
     fast, scale = None, jnp.ones((), M.dtype)
     if at is None:
         at, fast, scale = _search(*jax.lax.stop_gradient((tangent, M, fam)), zone, fastest)
@@ -94,6 +98,18 @@ def symbol(
         x, mode = jnp.where(unstable, y, x), jnp.where(unstable, shape, mode)
     k = k - 2 * jnp.pi * jnp.round(k / (2 * jnp.pi))  # climbs may end in the next zone: the same wave
     return Outcome(margin, eigenvalue, mode, k / fam.spacing, x / jnp.linalg.norm(x), scale, at)
+
+
+def _by_growth(tangent: Tangent, M: Array, fam: Family, zone: Zone, at) -> Outcome:
+    scale = jnp.ones((), M.dtype)
+    if at is None:
+        at, scale = flutter.search(*jax.lax.stop_gradient((tangent, M, fam)), zone)
+    x, is_long, right, left = at = jax.lax.stop_gradient(at)
+    phases = _frozen_angles(_phases_at(fam, x, is_long))
+    square = flutter.quotient(tangent, phases, right, left)
+    eigenvalue, k = jnp.where(is_long, 0 * square, square), jnp.where(is_long, 0 * x, x)
+    mode = right.real / jnp.linalg.norm(right.real)
+    return Outcome(square / (M * phases.kappa2), eigenvalue, mode, k / fam.spacing, x / jnp.linalg.norm(x), scale, at)
 
 
 def _acoustic(fourth: Float[Array, "dim dim dim dim"], model, fam, at) -> Outcome:

@@ -1,5 +1,6 @@
 """Figures: arrays in, a matplotlib Figure out. Imported when first used, by nothing else in the package."""
 
+from .atlas import model_atlas
 from .moving import Branch, animation, cuboid, dispersion_curves, motion
 from .still import COLOURS, LABELS, STYLES, BarCase, bars, dispersion, stability_map
 
@@ -14,6 +15,7 @@ __all__ = [
     "cuboid",
     "dispersion",
     "dispersion_curves",
+    "model_atlas",
     "motion",
     "stability_map",
 ]

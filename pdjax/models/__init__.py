@@ -4,6 +4,7 @@ from .base import AbstractModel, PointStateModel, TwoStageModel
 from .bond_associated import BondAssociated, BondAssociatedForce
 from .bond_based import BondBased
 from .bond_level import BondLevel, BondLevelAverage
+from .catalogue import CATALOGUE
 from .control import LittlewoodControl, SillingControl, WanControl
 from .correspondence import Correspondence
 from .graded import graded
@@ -14,6 +15,7 @@ from .seth_hill import SethHill, TupekRadovitzky
 from .sub_horizon import SubHorizon
 
 __all__ = [
+    "CATALOGUE",
     "LPS",
     "AbstractModel",
     "BondAssociated",

@@ -39,7 +39,7 @@ def moduli_at_rest(law: Law, dim: int, dtype: Any) -> Float[Array, "dim dim dim 
 
 
 class WithLaw(PointStateModel):
-    """Subclasses have the fields `law` and `control`, and define `law_energy`, `law_state`, `law_force` without control."""
+    """Subclasses have the fields `law` and `control`; `law_energy`, `law_state`, `law_force` are without control."""
 
     @property
     def hyperelastic(self) -> bool:  # type: ignore[override]

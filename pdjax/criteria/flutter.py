@@ -1,0 +1,60 @@
+"""The symbol's verdict on a model without an energy, whose Ĵ(k) is real but not symmetric.
+
+A mode of Ĵ x = λ x moves as e^{st}, s² = λ/ρ, so it grows at Re √(λ/ρ): at √(λ/ρ) for λ > 0, and for every λ that is
+not real (flutter). What is compared is
+
+    γ² = λ for real λ,   (Re √λ)² otherwise        (real: |Im λ| ≤ 1e-7 ‖Ĵ‖, for a double root splits by √eps)
+
+margin = sup over k of γ²/(M κ²), over the grid and the limit k → 0. There is no climb off the grid, for γ² jumps where
+two real roots meet; the derivative is that of the eigenvalue found, yᴴ(∂Ĵ)x/(yᴴx) with its left and right vectors.
+The largest eigenvalue reported is γ², so that √(γ²/ρ) is the rate. `jnp.linalg.eig` runs on the CPU alone.
+"""
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Complex, Float
+
+from ..bloch import Phases, Tangent, long_wave_phases, wave_phases
+from ..neighbours import Family
+from ..zone import Zone, directions
+
+REAL = 1e-7
+
+
+def growth_square(value: Complex[Array, "..."], size: Float[Array, "..."]) -> Float[Array, "..."]:
+    """γ² of eigenvalues λ of matrices of norm `size`."""
+    real = jnp.abs(value.imag) <= REAL * size
+    safe = jnp.where(real, -1.0, value)
+    return jnp.where(real, value.real, jnp.sqrt(safe).real ** 2)
+
+
+def _fastest(J: Float[Array, "*waves dim dim"], unit: Float[Array, "*waves"]) -> tuple[Array, Array]:
+    """(largest γ²/unit of each wave, its place among the eigenvalues)."""
+    values = jnp.linalg.eigvals(J)
+    squares = growth_square(values, jnp.linalg.norm(J, axis=(-2, -1))[..., None])
+    return jnp.max(squares, axis=-1) / unit, jnp.argmax(squares, axis=-1)
+
+
+def search(tangent: Tangent, M: Array, fam: Family, zone: Zone) -> tuple[tuple, Array]:
+    """((wave x [1/spacing], is it the limit k → 0, right and left vectors), the largest |quotient| on the grid)."""
+    h = fam.spacing
+    grid = jnp.asarray(zone.grid, dtype=h.dtype)
+    compass = jnp.asarray(directions(fam.dim), dtype=h.dtype)
+    short, long = wave_phases(fam, grid / h), long_wave_phases(fam, compass)
+    J = jnp.concatenate([tangent(short), tangent(long)])
+    unit = M * jnp.concatenate([short.kappa2, long.kappa2])
+    screen, _ = _fastest(J, unit)
+    screen = jnp.where(jnp.isnan(screen), -jnp.inf, screen)
+    i = jnp.argmax(screen)
+    values, right = jnp.linalg.eig(J[i])
+    left = jnp.linalg.inv(right)
+    which = jnp.argmax(growth_square(values, jnp.linalg.norm(J[i])))
+    wave = jnp.concatenate([grid, compass])[i]
+    return (wave, i >= len(grid), right[:, which], left[which]), jnp.max(jnp.abs(screen[: len(grid)]))
+
+
+def quotient(tangent: Tangent, phases: Phases, right: Complex[Array, " dim"], left: Complex[Array, " dim"]) -> Array:
+    """γ² of the eigenvalue with these vectors; differentiable once in the tangent."""
+    J = tangent(phases)
+    value = (left @ J.astype(right.dtype) @ right) / (left @ right)
+    return growth_square(value, jax.lax.stop_gradient(jnp.linalg.norm(J)))

@@ -1,0 +1,76 @@
+"""The atlas as one picture: a row for each model, a column for each lattice, path and side."""
+
+import itertools
+
+import matplotlib
+import numpy as np
+from matplotlib.colors import LogNorm
+from matplotlib.figure import Figure
+
+from ..atlas import LAW, SIDES, Atlas
+
+_SHORT = {"hydrostatic": "hydro-\nstatic", "uniaxial-strain": "uniaxial\nstrain", "uniaxial-stress": "uniaxial\nstress"}
+_ARROW = {"compression": "−", "tension": "+"}
+_PLAIN = {"at once": "#B2182B", "never": "#F7F7F7", "marginal": "#D9D9D9", "none": "#FFFFFF"}
+
+
+def _columns(atlas: Atlas, N: float) -> list[tuple[int, str, str]]:
+    dims = sorted({r["dim"] for r in atlas.records if r["N"] == N})
+    out = []
+    for dim in dims:
+        paths = next((list(r["critical"]) for r in atlas.records if r["dim"] == dim and "critical" in r), [])
+        out += [(dim, path, side) for path in paths for side in SIDES]
+    return out
+
+
+def _cell(record: dict | None, path: str, side: str) -> tuple[float | None, str, str]:
+    """(what is coloured by size, or None; a plain colour's name; text)."""
+    if record is None or "critical" not in record or path not in record["critical"]:
+        return None, "none", "–"
+    value, before = record["critical"][path][side]
+    value = float(value)
+    free = before == "marginal"
+    if value == 0:
+        return None, "at once", "0"
+    if np.isinf(value):
+        return None, "marginal" if free else "never", "○" if free else "∞"
+    return abs(value), "", f"{100 * abs(value):.3g}" + (" ○" if free else "")
+
+
+def model_atlas(data: Atlas, N: float = 3.0) -> Figure:
+    """Critical strains [%] of every model at one horizon N."""
+    columns = _columns(data, N)
+    names = list(dict.fromkeys(r["model"] for r in data.records if r["N"] == N))
+    if not columns:
+        raise ValueError(f"the atlas holds nothing for N = {N:g}; it has N = {sorted({r['N'] for r in data.records})}")
+    gap = np.cumsum([0.0] + [0.35 if a[0] != b[0] else 0.0 for a, b in itertools.pairwise(columns)])
+    x = np.arange(len(columns)) + gap
+    colour, norm = matplotlib.colormaps["cividis"], LogNorm(0.003, 1.0)
+    figure = Figure(figsize=(2.6 + 0.52 * (x[-1] + 1), 1.7 + 0.27 * len(names)), layout="constrained")
+    axes = figure.subplots()
+    for row, name in enumerate(names):
+        for place, (dim, path, side) in zip(x, columns, strict=True):
+            size, plain, text = _cell(data.find(name, dim, N), path, side)
+            face = _PLAIN[plain] if size is None else colour(norm(size))
+            dark = (size is None and plain != "at once") or (size is not None and norm(size) > 0.6)
+            axes.add_patch(matplotlib.patches.Rectangle((place - 0.5, row - 0.5), 1, 1, fc=face, ec="white", lw=1))
+            axes.text(place, row, text, ha="center", va="center", fontsize=7, color="black" if dark else "white")
+    axes.set_xlim(-0.6, x[-1] + 0.6)
+    axes.set_ylim(len(names) - 0.4, -0.6)
+    shown = ["the law itself" if name == LAW else name for name in names]
+    axes.set_yticks(range(len(names)), shown, fontsize=8)
+    axes.set_xticks(x, [_ARROW[side] for _, _, side in columns], fontsize=10)
+    axes.xaxis.tick_top()
+    axes.tick_params(length=0)
+    for spine in axes.spines.values():
+        spine.set_visible(False)
+    for i, (dim, path, side) in enumerate(columns):
+        if side == SIDES[0]:
+            label = _SHORT.get(path, path.replace("-", "\n"))
+            axes.text(x[i] + 0.5, -1.15, f"{dim}D\n{label}", ha="center", va="bottom", fontsize=7.5)
+    axes.set_xlabel(
+        "critical strain [%] by the symbol, compression − and tension +.   0: unstable at once   ∞: not within −90, +100 %"
+        "\n○: marginal, waves that cost nothing, before it   –: not defined",
+        fontsize=8,
+    )
+    return figure

@@ -1,0 +1,56 @@
+"""The table of models: what the atlas and the comparisons run over. A new model is one line.
+
+Each entry makes a model for a linear law of Lamé constants λ, μ on one lattice family, so that all of them stand for
+the same solid: models of a law take it in their own strain, LPS its two moduli, springs its bulk modulus (their Poisson's
+ratio is the law's only for λ = μ).
+"""
+
+from collections.abc import Callable
+
+from ..laws import LinearElastic
+from ..neighbours import Family
+from .base import AbstractModel
+from .bond_associated import BondAssociated, BondAssociatedForce
+from .bond_based import BondBased
+from .bond_level import BondLevel, BondLevelAverage
+from .control import LittlewoodControl, SillingControl, WanControl
+from .correspondence import Correspondence
+from .lps import LPS
+from .reproducing_kernel import ReproducingKernel
+from .seth_hill import SethHill, TupekRadovitzky
+from .sub_horizon import SubHorizon
+
+
+def _bulk(law: LinearElastic, fam: Family):
+    return law.lam + 2 * law.mu / fam.dim
+
+
+Maker = Callable[[LinearElastic, Family], AbstractModel]
+
+CATALOGUE: dict[str, Maker] = {
+    "bond-based": lambda law, fam: BondBased.from_family(_bulk(law, fam), fam),
+    "bond-based, quadratic": lambda law, fam: BondBased(BondBased.from_family(_bulk(law, fam), fam).c, 1.0),
+    "LPS": lambda law, fam: LPS(_bulk(law, fam), law.mu),
+    "Silling": lambda law, fam: Correspondence(law),
+    "Silling + penalty": lambda law, fam: Correspondence(law, SillingControl()),
+    "Silling + Wan": lambda law, fam: Correspondence(law, WanControl()),
+    "Silling + hourglass": lambda law, fam: Correspondence(law, LittlewoodControl()),
+    "Seth–Hill 1": lambda law, fam: SethHill(1.0, law),
+    "Seth–Hill ½": lambda law, fam: SethHill(0.5, law),
+    "Seth–Hill 0": lambda law, fam: SethHill(0.0, law),
+    "Seth–Hill −1": lambda law, fam: SethHill(-1.0, law),
+    "Seth–Hill 1 + penalty": lambda law, fam: SethHill(1.0, law, SillingControl()),
+    "Seth–Hill 1 + Wan": lambda law, fam: SethHill(1.0, law, WanControl()),
+    "Seth–Hill 1 + hourglass": lambda law, fam: SethHill(1.0, law, LittlewoodControl()),
+    "Seth–Hill 0 + penalty": lambda law, fam: SethHill(0.0, law, SillingControl()),
+    "Seth–Hill 0 + Wan": lambda law, fam: SethHill(0.0, law, WanControl()),
+    "Seth–Hill 0 + hourglass": lambda law, fam: SethHill(0.0, law, LittlewoodControl()),
+    "extended 1": lambda law, fam: TupekRadovitzky(1.0, law),
+    "extended 0": lambda law, fam: TupekRadovitzky(0.0, law),
+    "bond-level": lambda law, fam: BondLevel(law),
+    "bond-level, two-sided": lambda law, fam: BondLevelAverage(law),
+    "bond-associated": lambda law, fam: BondAssociated(law),
+    "bond-associated, force": lambda law, fam: BondAssociatedForce(law),
+    "sub-horizon": lambda law, fam: SubHorizon(law),
+    "reproducing kernel 2": lambda law, fam: ReproducingKernel(law, 2),
+}
