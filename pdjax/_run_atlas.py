@@ -20,20 +20,12 @@ def add_atlas(jobs: Any, formatter: Any) -> None:
     job.add_argument("--path", nargs="+", help="load paths (default: all)")
     job.add_argument("--lam", type=float, default=1.0, help="first Lamé constant of the linear law (default 1)")
     job.add_argument("--mu", type=float, default=1.0, help="shear modulus of the linear law (default 1)")
-    job.add_argument("--quick", action="store_true", help="1D, N = 3, seven models: under a minute or two")
+    job.add_argument("--quick", action="store_true", help="1D, N = 3, six models: about a minute")
     job.add_argument("--out", default="pdjax-atlas", help="name of the files without ending (default pdjax-atlas)")
     job.add_argument("--json", action="store_true", help="print one JSON object instead of text")
 
 
-QUICK = [
-    "bond-based",
-    "Silling",
-    "Silling + penalty",
-    "Seth–Hill 1",
-    "Seth–Hill 0",
-    "Seth–Hill 0 + penalty",
-    "bond-level",
-]
+QUICK = ["bond-based", "Silling", "Silling + penalty", "Seth–Hill 1", "Seth–Hill 0", "Seth–Hill 0 + penalty"]
 
 
 def _text(value: float, before: str) -> str:
@@ -74,8 +66,10 @@ def run_atlas(arguments: argparse.Namespace) -> dict:
         arguments.dim, arguments.N, arguments.models = [1], [3.0], arguments.models or QUICK
     picture, data = (writable(f"{arguments.out}.{ending}") for ending in ("png", "json"))
     law = pd.LinearElastic(lam=arguments.lam, mu=arguments.mu)  # type: ignore[call-arg]
-    found = pd.atlas(arguments.models, arguments.dim, arguments.N, law, arguments.path or list(pd.PATHS), save=data)
-    pd.figures.atlas(found, arguments.N[-1]).savefig(picture, dpi=150)
+    found = pd.model_atlas(
+        arguments.models, arguments.dim, arguments.N, law, arguments.path or list(pd.PATHS), save=data
+    )
+    pd.figures.model_atlas(found, arguments.N[-1]).savefig(picture, dpi=150)
     if not arguments.json:
         print("critical strain [%] in compression and tension (0: at once, inf: not within -90 to +100, o: marginal)\n")
         for dim in arguments.dim:

@@ -9,8 +9,8 @@ classical law, the time of a force evaluation for a bond, and for each path and 
 One kernel (model, family, batch of F) → margins serves all paths: loads are sampled in batches until one is unstable,
 then the bracket is split three times into 16 and closed by the secant: a_cr to 1e-5 of the range at worst;
 `pdjax.critical_load` gives all digits. An edge below 1e-4 counts as 0: so near to rest the worst wave sits on a ridge
-that a search can miss. The row "law" is the classical law itself (criterion "local"): what a model that adds no instability
-of its own has.
+that a search can miss. The row "law" is the classical law itself (criterion "local"): what a model that adds no
+instability of its own has.
 """
 
 import json

@@ -1,8 +1,9 @@
+# mypy: disable-error-code="arg-type"
 """The table of models: what the atlas and the comparisons run over. A new model is one line.
 
-Each entry makes a model for a linear law of Lamé constants λ, μ on one lattice family, so that all of them stand for
-the same solid: models of a law take it in their own strain, LPS its two moduli, springs its bulk modulus (their Poisson's
-ratio is the law's only for λ = μ).
+Each entry makes a model for a linear law of Lamé constants λ, μ on one lattice family, so that all stand for the same
+solid: models of a law take it in their own strain, LPS its two moduli, springs its bulk modulus (their Poisson's ratio
+is the law's only for λ = μ).
 """
 
 from collections.abc import Callable
