@@ -1,0 +1,126 @@
+"""Can the Seth–Hill model be stabilised? Critical hydrostatic strain against the strength of each zero-energy control.
+
+The paper advises against stabilising the finite-deformation model and does not test it. Here each control is put on
+orders m = 1, ½, 0, −1 and its number is swept: penalty g and hourglass C from 1e-3 to 10; Wan's has none. The strength
+at which the states ±1, ±5 and ±10 % turn stable is found by bisection.
+"""
+
+import argparse
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from _harness import write
+from matplotlib.figure import Figure
+
+import pdjax as pd
+from pdjax import criteria
+
+jax.config.update("jax_enable_x64", True)
+LAW = pd.LinearElastic(1.0, 1.0)
+CONTROLS = {"penalty g": pd.SillingControl, "hourglass C": pd.LittlewoodControl}
+COLOUR = {1.0: "#0072B2", 0.5: "#009E73", 0.0: "#D55E00", -1.0: "#CC79A7"}
+STATES = (0.01, 0.05, 0.1)
+
+
+@eqx.filter_jit
+def unstable(models, fam, F, intervals):
+    """Verdict of every model of a batch on one state."""
+    zone = criteria.family_zone(fam, "cubic", intervals)
+
+    def one(model):
+        out = criteria.evaluate("symbol", model, fam, F, zone)
+        return out.margin > criteria.margin_tolerance(F.dtype, out.scale)
+
+    return eqx.filter_vmap(one)(models)
+
+
+def strength_needed(kind, m, fam, a: float, intervals: int) -> float:
+    """Smallest strength that makes the state (1 + a) I stable; 0 if none is needed, inf if 100 is not enough."""
+    F = (1 + a) * jnp.eye(fam.dim)
+
+    def bad(strengths):
+        models = eqx.filter_vmap(lambda g: pd.SethHill(m, LAW, kind(g)))(jnp.asarray(strengths))
+        return np.asarray(unstable(models, fam, F, intervals))
+
+    grid = np.concatenate([[0.0], np.geomspace(1e-4, 100, 31)])
+    flags = bad(grid)
+    if not flags[0]:
+        return 0.0
+    for _ in range(3):
+        i = int(np.argmax(~flags))
+        if flags.all():
+            return float("inf")
+        grid = np.linspace(grid[i - 1], grid[i], 32)
+        flags = bad(grid)
+    return float(grid[int(np.argmax(~flags))])
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--quick", action="store_true", help="2D alone, four strengths")
+    quick = parser.parse_args().quick
+    strengths = np.geomspace(1e-3, 10, 4 if quick else 9)
+    numbers: dict = {"law": "LinearElastic(1, 1)", "N": 3, "strengths": strengths.tolist(), "cases": []}
+    dims = (2,) if quick else (2, 3)
+    figure = Figure(figsize=(4.6 * 2, 3.7 * len(dims)), layout="constrained")
+    axes = figure.subplots(len(dims), 2, squeeze=False, sharex=True)
+    for row, dim in enumerate(dims):
+        fam = pd.lattice_family(dim, 3)
+        intervals = {2: 18, 3: 10}[dim]
+        own = {
+            side: float(pd.critical_load(pd.Correspondence(LAW), fam, pd.hydrostatic, "local", side))
+            for side in ("negative", "positive")
+        }
+        for m in COLOUR:
+            bare = {
+                side: float(pd.critical_load(pd.SethHill(m, LAW), fam, side=side, resolution=intervals))
+                for side in ("negative", "positive")
+            }
+            for column, (name, kind) in enumerate(CONTROLS.items()):
+                case = {"dim": dim, "m": m, "control": name, "bare": bare, "critical": {}, "needed": {}}
+                for side, sign in (("negative", -1), ("positive", 1)):
+                    found = [
+                        float(pd.critical_load(pd.SethHill(m, LAW, kind(g)), fam, side=side, resolution=intervals))
+                        for g in strengths
+                    ]
+                    case["critical"][side] = found
+                    for a in STATES:
+                        case["needed"][f"{100 * sign * a:+g} %"] = strength_needed(kind, m, fam, sign * a, intervals)
+                    # infinite: beyond the edge of the picture
+                    shown = np.clip(100 * np.array(found), -95, 105)
+                    style = "-" if side == "negative" else "--"
+                    axes[row, column].plot(strengths, shown, style, color=COLOUR[m], lw=1.6)
+                numbers["cases"].append(case)
+            wan = pd.SethHill(m, LAW, pd.WanControl())
+            numbers["cases"].append(
+                {"dim": dim, "m": m, "control": "Wan", "bare": bare}
+                | {
+                    "critical": {
+                        side: float(pd.critical_load(wan, fam, side=side, resolution=intervals))
+                        for side in ("negative", "positive")
+                    }
+                }
+            )
+        numbers[f"law {dim}D"] = own
+        for column, name in enumerate(CONTROLS):
+            ax = axes[row, column]
+            ax.axhline(100 * own["negative"], color="black", lw=0.9, ls=":")
+            ax.set_xscale("log")
+            ax.set_ylim(-100, 110)
+            ax.set_title(f"{dim}D, N = 3, {name.split()[0]}", fontsize=9)
+            ax.set_ylabel("critical hydrostatic strain [%]")
+            if row == len(dims) - 1:
+                ax.set_xlabel(f"strength {name.split()[1]} [-]")
+    for m, colour in COLOUR.items():
+        axes[0, 0].plot([], [], color=colour, label=f"m = {m:g}")
+    axes[0, 0].plot([], [], color="gray", label="compression")
+    axes[0, 0].plot([], [], "--", color="gray", label="tension")
+    axes[0, 0].plot([], [], ":", color="black", label="the law's own (m = 1)")
+    axes[0, 0].legend(frameon=False, fontsize=7.5, ncols=2, loc="center left")
+    write("stabilisers-quick" if quick else "stabilisers", numbers, figure)
+
+
+if __name__ == "__main__":
+    main()
