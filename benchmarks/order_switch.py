@@ -1,10 +1,11 @@
 """An order m that changes with the sign of the load: does it help? Hydrostatic, uniaxial and shear, both sides.
 
-The paper doubts that an m chosen by the sign of the load is a cure. Under a homogeneous load the model is the one of the
-order chosen, so the orders that are not unstable at once on each side of each path (`pdjax.stable_orders`) say all: a
-switch by the sign of tr E helps where compression and tension each have such orders, and cannot where a side has none.
-(Under simple shear the first order in the load vanishes and decides nothing: NaN; the critical loads do.) The price is
-a jump of the energy at tr E = 0, where the sign changes while the shear does not: Ψ(E_m) differs between orders.
+The paper doubts that an m chosen by the sign of the load is a cure. Under a homogeneous load the model is the one of
+the order chosen, so the orders that are not unstable at once on each side of each path (`pdjax.stable_orders`) say all:
+a switch by the sign of tr E helps where compression and tension each have such orders, and cannot where a side has
+none. (Under simple shear the first order in the load vanishes and decides nothing: NaN; the critical loads do.) The
+price is a jump of the energy at tr E = 0, where the sign changes while the shear does not: Ψ(E_m) differs between
+orders.
 """
 
 import jax

@@ -22,6 +22,7 @@ from ._progress import progress
 from .criteria import CRITERIA, check_at_rest, evaluate, family_zone, margin_tolerance, verdicts
 from .influence import constant_influence
 from .laws import Law, law_label
+from .models.base import AbstractModel
 from .models.seth_hill import SethHill
 from .neighbours import lattice_family
 from .paths import Path, hydrostatic, path_symmetry
@@ -85,13 +86,22 @@ def _free_memory() -> float:
         return np.inf
 
 
+class _SethHillOf(eqx.Module):
+    """m → SethHill(m, law), the law's constants traced."""
+
+    law: Law
+
+    def __call__(self, m) -> SethHill:
+        return SethHill(m, self.law)
+
+
 @eqx.filter_jit
-def _chunk(m, a, fam, law, path: Path, names: tuple[str, ...], intervals: int | None):
+def _chunk(m, a, fam, make, path: Path, names: tuple[str, ...], intervals: int | None):
     """(margin, eigenvalue, tolerance) of every named criterion, for pairs (m, a)."""
-    zone = family_zone(fam, path_symmetry(path, fam, law.isotropic), intervals)
+    zone = family_zone(fam, path_symmetry(path, fam, make(m[0]).isotropic), intervals)
 
     def one(m, a):
-        model = SethHill(m, law)
+        model = make(m)
         F = path(a, model, fam)
         outs = [evaluate(name, model, fam, F, zone, fastest=True) for name in names]
         return [(o.margin, o.eigenvalue, jnp.asarray(margin_tolerance(m.dtype, o.scale), m.dtype)) for o in outs]
@@ -99,12 +109,11 @@ def _chunk(m, a, fam, law, path: Path, names: tuple[str, ...], intervals: int | 
     return jax.vmap(one)(m, a)
 
 
-def _check_loads(a: np.ndarray, m: np.ndarray, fam, law: Law, path: Path) -> None:
+def _check_loads(a: np.ndarray, model: AbstractModel, fam, path: Path) -> None:
     """Refuse loads whose deformation is not one: a stretch 1 + a ≤ 0, or det F ≤ 0 on a user's path."""
     if getattr(path, "stretch", False) and (a <= -1).any():
         i = int(np.argmax(a <= -1))
         raise ValueError(f"a must be > -1, for 1 + a is a stretch of this path; a[{i}] = {a[i]:g}")
-    model = SethHill(jnp.asarray(m[0]), law)
     det = np.asarray(jax.vmap(lambda x: jnp.linalg.det(path(x, model, fam)))(jnp.asarray(a, fam.xi.dtype)))
     if (det <= 0).any():
         i = int(np.argmax(det <= 0))
@@ -127,6 +136,7 @@ def stability_map(
     N: float | Sequence[float] = 3,
     dim: int = 2,
     law: Law | None = None,
+    model: Callable | None = None,
     path: Path = hydrostatic,
     criterion: str = "symbol",
     lines: Sequence[str] = (),
@@ -135,17 +145,21 @@ def stability_map(
     save: str | os.PathLike | None = None,
     show_progress: bool = True,
 ) -> StabilityMap:
-    """Margins of the Seth–Hill model over orders m and loads a along a path, on infinite lattices.
+    """Margins over orders m and loads a along a path, on infinite lattices: of the Seth–Hill model, or of any model.
 
-    Arguments: m (orders,), a (loads,) [-]; N horizon(s) over spacing [-]; law in E; `lines`: further criteria to
-        evaluate on the same grid, thinned to 64 along an axis; resolution as in `stability`; save: an .npz path,
-        checked before and kept up to date during a long run (states not reached yet are NaN, "undefined").
+    Arguments: m (orders,), a (loads,) [-]; N horizon(s) over spacing [-]; law in E of the Seth–Hill model, or `model`,
+        a function m → model of one parameter, called m whatever it is (strength, modulus, order); `lines`: further
+        criteria to evaluate on the same grid, thinned to 64 along an axis; resolution as in `stability`; save: an .npz
+        path, checked before and kept up to date during a long run (states not reached yet are NaN, "undefined").
     Returns: `StabilityMap`: .margin and .eigenvalue (orders, loads), with a leading axis if N is a sequence.
     Raises: ValueError for NaN, empty m or a, det F ≤ 0, a singular family, a map too large for memory;
         OSError for a path that can't be written.
     """
-    if law is None:
-        raise ValueError("law is needed, such as pd.LinearElastic(lam=1.0, mu=1.0)")
+    if (law is None) == (model is None):
+        raise ValueError(
+            "a law is needed, such as pd.LinearElastic(lam=1.0, mu=1.0), or a model, a function of m; not both"
+        )
+    make: Callable = _SethHillOf(law) if model is None else model  # type: ignore[arg-type]
     orders, loads = finite("m", m), finite("a", a)
     for name, values in (("m", orders), ("a", loads)):
         if values.ndim != 1 or values.size == 0:
@@ -157,14 +171,17 @@ def stability_map(
     target = None if save is None else writable(save)
 
     fams = [lattice_family(dim, float(n), influence=influence) for n in horizons]
+    first = make(jnp.asarray(orders[0]))
+    if not isinstance(first, AbstractModel):
+        raise ValueError(f"model must be a function m -> pdjax model; it gave {type(first).__name__}")
     for fam in fams:
-        check_at_rest(SethHill(jnp.asarray(orders[0]), law), fam)
-        _check_loads(loads, orders, fam, law, path)
-    zones = [family_zone(fam, path_symmetry(path, fam, law.isotropic), resolution) for fam in fams]
+        check_at_rest(first, fam)
+        _check_loads(loads, first, fam, path)
+    zones = [family_zone(fam, path_symmetry(path, fam, first.isotropic), resolution) for fam in fams]
     settings = {
         "dim": dim,
         "N": horizons.tolist(),
-        "law": law_label(law),
+        "law": law_label(law) if law is not None else getattr(model, "__name__", type(first).__name__),
         "path": getattr(path, "__name__", repr(path)),
         "criterion": criterion,
         "influence": getattr(influence, "__name__", repr(influence)),
@@ -190,7 +207,7 @@ def stability_map(
             jobs += _jobs(fam, names[1:], thin_m, thin_a, wide, extra[:, n].reshape(1, len(lines), -1))
     saved = time.monotonic()
     for job in progress(jobs, len(jobs), f"{criterion} map", show_progress):
-        _do(job, law, path, resolution)
+        _do(job, make, path, resolution)
         if target is not None and time.monotonic() - saved > _SAVE_EVERY:
             result().save(target)
             saved = time.monotonic()
@@ -211,11 +228,11 @@ def _jobs(fam, names: tuple[str, ...], orders, loads, wide: float, out: np.ndarr
     return jobs
 
 
-def _do(job: tuple, law: Law, path: Path, resolution: int | None) -> None:
+def _do(job: tuple, make: Callable, path: Path, resolution: int | None) -> None:
     """Evaluate one chunk and put its results where they go."""
     fam, names, m, a, index, out = job
     real = fam.xi.dtype
-    values = _chunk(jnp.asarray(m, real), jnp.asarray(a, real), fam, law, path, names, resolution)
+    values = _chunk(jnp.asarray(m, real), jnp.asarray(a, real), fam, make, path, names, resolution)
     for c, kinds in enumerate(values):
         for kind in range(len(out)):
             out[kind, c, index] = np.asarray(kinds[kind])

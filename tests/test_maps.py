@@ -101,7 +101,7 @@ def no_state(a, model, fam):
         ({"dim": 4}, "dim must be 1, 2 or 3"),
         ({"criterion": "trace"}, "criterion must be one of"),
         ({"lines": ("trace",)}, "criterion must be one of"),
-        ({"law": None}, "law is needed"),
+        ({"law": None}, "a law is needed"),
         ({"resolution": 1}, "resolution must be an integer >= 2"),
     ],
 )

@@ -1,0 +1,68 @@
+"""Models without an energy: growth of their modes, by closed form, by the symmetric path, and in time."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import pdjax as pd
+from pdjax.criteria.flutter import growth_square
+
+LAW = pd.LinearElastic(1.0, 1.0)
+
+
+def test_growth_of_known_roots():
+    """γ of s² = λ: λ = 4 grows at 2, λ = −4 not at all, λ = (1 + 2i)² at 1."""
+    value = jnp.asarray([4.0, -4.0, (1 + 2j) ** 2, -1 + 1e-9j])
+    np.testing.assert_allclose(growth_square(value, jnp.ones(4)), [4.0, -4.0, 1.0, -1.0], rtol=1e-14)
+
+
+def test_a_symmetric_symbol_is_judged_as_by_its_energy():
+    """The hourglass force has no energy, but on a lattice its symbol is symmetric: `eigh` is a second route."""
+    fam, F = pd.lattice_family(2, 2), jnp.diag(jnp.asarray([0.97, 1.02]))
+    model = pd.SethHill(0.0, LAW, pd.LittlewoodControl(0.05))
+    found = pd.stability(model, fam, F, resolution=32)
+    k = np.pi / 32 * np.stack(np.meshgrid(np.arange(0, 33), np.arange(-31, 33), indexing="ij"), -1).reshape(-1, 2)
+    k = k[(k != 0).any(axis=1)]
+    J = np.asarray(pd.symbol(model, fam, F, k))
+    assert np.abs(J - J.transpose(0, 2, 1)).max() < 1e-13 * np.abs(J).max()  # 4e-16
+    kappa2 = np.sum((2 * np.sin(k / 2)) ** 2, axis=1)
+    quotient = np.linalg.eigvalsh(J)[:, -1] / kappa2 / float(pd.p_wave_modulus(model, fam))
+    assert float(found.margin) >= quotient.max() - 1e-12
+    assert float(found.margin) == pytest.approx(quotient.max(), abs=2e-3)  # the limit k → 0 is not on that grid
+
+
+def test_a_force_without_energy_grows_at_the_rate_it_is_told():
+    """Bond-associated as first published, beyond the law's limit: against the eigenvalues of a periodic lattice's J."""
+    model, F = pd.BondAssociatedForce(LAW), 0.75 * jnp.eye(2)
+    fam = pd.lattice_family(2, 2)
+    found = pd.stability(model, fam, F, resolution=5)
+    assert found.verdict == "unstable"
+    fams = pd.families(pd.lattice((10, 10), periodic=True), 2.0)
+    J = np.asarray(pd.jacobian(model, fams, np.zeros((100, 2)), "dense", F))
+    assert np.abs(J - J.T).max() > 1e-3 * np.abs(J).max()  # 0.02: no energy
+    rates = np.sqrt(np.linalg.eigvals(J).astype(complex)).real
+    margin = np.max(np.asarray(found.eigenvalue))
+    assert margin <= rates.max() ** 2 + 1e-9  # the wave of the worst quotient, not of the largest rate
+    k = np.asarray(found.wave_vector)
+    if np.linalg.norm(k) > 0:
+        squares = np.linalg.eigvals(np.asarray(pd.symbol(model, fam, F, k)))
+        assert np.max(squares.real) == pytest.approx(margin, rel=1e-10)
+
+
+def test_derivative_of_a_margin_without_energy():
+    """By left and right vectors, against a central difference."""
+    fam = pd.lattice_family(2, 2)
+
+    def margin(mu):
+        model = pd.BondAssociatedForce(pd.LinearElastic(1.0, mu))
+        return pd.stability(model, fam, 0.9 * jnp.eye(2), resolution=6).margin
+
+    slope, h = jax.grad(margin)(1.0), 1e-5
+    assert float(slope) == pytest.approx(float(margin(1 + h) - margin(1 - h)) / (2 * h), rel=1e-6)  # 1e-9
+
+
+def test_dispersion_and_bodies_refuse():
+    fam = pd.lattice_family(1, 2)
+    with pytest.raises(ValueError, match="no energy"):
+        pd.dispersion(pd.BondAssociatedForce(LAW), fam, jnp.eye(1), [1.0])
