@@ -24,9 +24,13 @@ from .with_law import check_law, energy_of_gradient, stress_of_gradient
 
 
 def mended(H: Float[Array, "dim dim"], bond: Bonds) -> Float[Array, "dim dim"]:
-    """F_ξ − I on one bond, from H = F̄ − I: maps ξ to Y exactly."""
+    """F_ξ − I on one bond, from H = F̄ − I: maps ξ to Y exactly.
+
+    0 on a bond of no weight (padding, damage): it carries nothing, but under a large rotation or once broken
+    det F_ξ may be negative, and a law in F has no number for that.
+    """
     z = bond.eta - H @ bond.xi
-    return H + jnp.outer(z, bond.xi) / jnp.dot(bond.xi, bond.xi)
+    return jnp.where(bond.omega > 0, H + jnp.outer(z, bond.xi) / jnp.dot(bond.xi, bond.xi), 0.0)
 
 
 class GradientModel(AbstractModel):

@@ -5,7 +5,8 @@
 
 The sectors are the 2^d halves, quadrants or octants of the axes; a bond on a border (ξ_i = 0) belongs to its
 neighbours in equal parts, so χ_s = ∏_i of 1, ½ or 0. A sector that is empty, or whose bonds do not span space (at a
-surface), is dropped and the weights are those of the rest. The point state is p_s P_s K_s⁻¹ of every sector.
+surface), is dropped and the weights are those of the rest; a family with no sector left is refused. The point state is
+p_s P_s K_s⁻¹ of every sector.
 
 No public code of it was found; the sharing of borders and the dropping are choices made here, checked by invariants.
 The axes are preferred directions: the lattice's symmetry is kept, isotropy is not. Source: Chowdhury et al. 2019.
@@ -41,15 +42,24 @@ class SubHorizon(GradientModel, PointStateModel):
 
     even: ClassVar[bool] = False
 
-    def _sectors(self, bonds: Bonds) -> tuple[Array, Array, Array]:
-        """K_s⁻¹ (I where dropped), H_s = F̄_s − I and p_s (0 where dropped) of every sector."""
+    def _shapes(self, bonds: Bonds) -> tuple[Array, Array, Array]:
+        """χ_s w of every bond, K_s of every sector, and which sectors are kept."""
         dim = bonds.xi.shape[1]
         share = jax.vmap(sectors)(bonds.xi) * (bonds.omega * bonds.volume)[:, None]
         K = jnp.einsum("bs,bi,bj->sij", share, bonds.xi, bonds.xi)
         size = jnp.trace(K, axis1=1, axis2=2) / dim
-        I = jnp.eye(dim, dtype=K.dtype)
         unit = K / jnp.where(size > 0, size, 1.0)[:, None, None]
-        kept = (size > 0) & (jnp.linalg.det(unit) > SPAN)
+        return share, K, (size > 0) & (jnp.linalg.det(unit) > SPAN)
+
+    def shape_tensor(self, bonds: Bonds) -> Float[Array, "*sub n n"]:
+        """K [length^(dim+2)], zero where no sector of the family spans space."""
+        _, K, kept = self._shapes(bonds)
+        return jnp.where(jnp.any(kept), jnp.sum(K, axis=0), 0.0)
+
+    def _sectors(self, bonds: Bonds) -> tuple[Array, Array, Array]:
+        """K_s⁻¹ (I where dropped), H_s = F̄_s − I and p_s (0 where dropped) of every sector."""
+        share, K, kept = self._shapes(bonds)
+        I = jnp.eye(bonds.xi.shape[1], dtype=K.dtype)
         inverse = jax.vmap(lambda A: solve_positive(A, I))(jnp.where(kept[:, None, None], K, I))
         H = jnp.einsum("bs,bi,bj,sjk->sik", share, bonds.eta, bonds.xi, inverse)
         weight = jnp.where(kept, jnp.sum(share, axis=0), 0.0)
