@@ -1,5 +1,9 @@
-"""The one table of models: every invariant runs over it; a new model is one line."""
+"""The one table of models: every invariant runs over it; a new model is one line.
 
+`SMALLER` lists the bodies of the models that need not meet all six: each compile of a body costs seconds.
+"""
+
+import bodies
 import jax.numpy as jnp
 
 import pdjax as pd
@@ -23,6 +27,7 @@ def quartic(E, c):
 
 
 LINEAR = pd.LinearElastic(lam=1.3, mu=0.7)
+NEO_HOOKEAN = pd.NeoHookean(lam=1.3, mu=0.7)
 
 MODELS = {
     "seth_hill m=1": pd.SethHill(1.0, LINEAR),
@@ -30,6 +35,34 @@ MODELS = {
     "seth_hill m=-0.7": pd.SethHill(-0.7, LINEAR),
     "seth_hill user law": pd.SethHill(0.4, pd.EnergyLaw(quartic, "E", {"lam": 1.3, "mu": 0.7, "b": 2.0})),
     "correspondence svk": pd.Correspondence(LINEAR),
-    "correspondence neo-hookean": pd.Correspondence(pd.NeoHookean(lam=1.3, mu=0.7)),
+    "correspondence neo-hookean": pd.Correspondence(NEO_HOOKEAN),
     "seth_hill m=1, energy only": EnergyOnly(pd.SethHill(1.0, LINEAR)),
+    "bond_based": pd.BondBased(20.0),
+    "lps": pd.LPS(1.5, 0.7),
+    "silling control": pd.Correspondence(LINEAR, pd.SillingControl(0.5)),
+    "wan control": pd.SethHill(0.4, LINEAR, pd.WanControl()),
+    "littlewood control": pd.Correspondence(NEO_HOOKEAN, pd.LittlewoodControl(0.3)),
+    "tupek_radovitzky": pd.TupekRadovitzky(0.4, LINEAR),
+    "bond_level": pd.BondLevel(NEO_HOOKEAN),
+    "bond_level average": pd.BondLevelAverage(LINEAR),
+    "reproducing_kernel 1": pd.ReproducingKernel(LINEAR, 1),
+    "reproducing_kernel 2": pd.ReproducingKernel(NEO_HOOKEAN, 2),
+    "sub_horizon": pd.SubHorizon(LINEAR),
+    "bond_associated": pd.BondAssociated(NEO_HOOKEAN, 0.8),
+    "bond_associated force": pd.BondAssociatedForce(LINEAR),
 }
+
+FLAT = [(1, "cloud"), (2, "lattice"), (2, "cloud")]
+SMALLER = dict.fromkeys(list(MODELS)[list(MODELS).index("bond_based") :], FLAT)
+SMALLER |= {name: [*FLAT, (3, "cloud")] for name in ("lps", "wan control", "bond_level average")}
+SMALLER["sub_horizon"] = [*FLAT, (3, "lattice")]  # on that cloud no octant of some points spans space
+
+
+def on_bodies(names=MODELS):
+    """(name, dim, kind) of every model on every body that it is to meet, in the dimensions it is defined in."""
+    return [(n, *body) for n in names for body in SMALLER.get(n, bodies.BODIES) if body[0] in MODELS[n].dims]
+
+
+def in_dimensions(names=MODELS, dims=(1, 2, 3)):
+    """(name, dim) of every model in the dimensions it is defined in."""
+    return [(name, dim) for name in names for dim in dims if dim in MODELS[name].dims]
