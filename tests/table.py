@@ -57,6 +57,13 @@ SMALLER = dict.fromkeys(list(MODELS)[list(MODELS).index("bond_based") :], FLAT)
 SMALLER |= {name: [*FLAT, (3, "cloud")] for name in ("lps", "wan control", "bond_level average")}
 SMALLER["sub_horizon"] = [*FLAT, (3, "lattice")]  # on that cloud no octant of some points spans space
 
+# where only the machinery is tested, one of each kind: the others share its code path
+KINDS = {
+    name: model
+    for name, model in MODELS.items()
+    if name not in ("silling control", "wan control", "tupek_radovitzky", "reproducing_kernel 1")
+}
+
 
 def on_bodies(names=MODELS):
     """(name, dim, kind) of every model on every body that it is to meet, in the dimensions it is defined in."""

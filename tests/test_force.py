@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import reference as ref
 from bodies import worst
-from table import LINEAR, MODELS, EnergyOnly
+from table import KINDS, LINEAR, MODELS, EnergyOnly
 
 import pdjax as pd
 
@@ -35,7 +35,7 @@ def test_force_state_is_that_of_the_reference(m, dim, N):
     assert worst([of[tuple(xi)] for xi in X[near]], T) < 1e-14  # 2e-16
 
 
-@pytest.mark.parametrize("name", [name for name in MODELS if MODELS[name].hyperelastic])
+@pytest.mark.parametrize("name", [name for name in KINDS if MODELS[name].hyperelastic])
 def test_piola_stress_is_the_slope_of_the_energy_of_affine_maps(name):
     """P = ∂W/∂F; P Fᵀ is symmetric where the model is objective; W by central differences, too."""
     fam, F = pd.lattice_family(2, 2, 0.5, pd.cubic_spline_influence), bodies.deformation(2, 2, size=0.2)

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from bodies import worst
-from table import LINEAR, MODELS
+from table import KINDS, LINEAR, MODELS
 
 import pdjax as pd
 from pdjax import reduced
@@ -101,7 +101,7 @@ def test_mean_deformation_grows_with_the_load_factor():
 # ---------------------------------------------------------------- the reduced system
 
 
-@pytest.mark.parametrize("name", MODELS)
+@pytest.mark.parametrize("name", KINDS)
 def test_reduced_matrix_is_that_of_the_dense_jacobian(name):
     """A = S V J Sᵀ, symmetric where there is an energy; A v by JVP is the same."""
     scene, u = cloud(name), jnp.asarray(bodies.displacement(2, "cloud", 43))
@@ -110,9 +110,10 @@ def test_reduced_matrix_is_that_of_the_dense_jacobian(name):
     exact = S @ V @ J @ S.T
     size = np.abs(exact).max()
     A = reduced.matrix(scene, u).toarray()
-    assert worst(A, exact) / size < 3e-14  # measured 1e-15
-    assert worst(exact, exact.T) / size < 1e-14  # measured 4e-16
-    assert worst(A, A.T) == 0
+    assert worst(A, exact) / size < 3e-13  # measured 5e-14 (sub-horizon, whose sectors barely span), else 1e-15
+    if MODELS[name].hyperelastic:
+        assert worst(exact, exact.T) / size < 1e-13  # measured 1e-14 (sub-horizon), else 4e-16
+        assert worst(A, A.T) == 0
     q = u.reshape(-1)[scene.unknowns]
     v = bodies.random(44).normal(size=len(q))
     at_rest = np.asarray(scene.displacement(q, 0.6))

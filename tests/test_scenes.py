@@ -14,6 +14,7 @@ from table import MODELS, EnergyOnly
 
 import pdjax as pd
 from pdjax import scenes
+from pdjax.models.base import PROMISES
 
 UNIT = pd.LinearElastic(1.0, 0.0)
 SVK, HENCKY = pd.SethHill(1.0, UNIT), pd.SethHill(0.0, UNIT)
@@ -49,9 +50,10 @@ def test_a_graded_model_is_the_model_of_graded_constants(make):
 @pytest.mark.parametrize("name", MODELS)
 def test_a_graded_model_keeps_the_promises(name):
     inside, outside = MODELS[name], pd.graded(MODELS[name], 2.0)
-    for promise in ("hyperelastic", "objective", "affine_exact", "rings", "needs_other_end", "isotropic"):
+    for promise in (*PROMISES, "isotropic"):
         assert getattr(outside, promise) == getattr(inside, promise)
-    assert isinstance(outside, pd.PointStateModel) == isinstance(inside, pd.PointStateModel)
+    for kind in (pd.PointStateModel, pd.TwoStageModel):
+        assert isinstance(outside, kind) == isinstance(inside, kind)
 
 
 def test_a_graded_local_energy_is_multiplied():

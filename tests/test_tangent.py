@@ -4,14 +4,16 @@ from typing import ClassVar
 
 import bodies
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 import reference as ref
 from bodies import worst
-from table import MODELS
+from table import KINDS, MODELS
 
 import pdjax as pd
+from pdjax.tangent import family_tangent
 
 LAM, MU = 1.3, 0.7
 
@@ -52,7 +54,7 @@ class Product(pd.PointStateModel):
 
 
 BOTH_ENDS = {"averaged": Averaged(MODELS["seth_hill m=-0.7"]), "product": Product()}
-ALL = {**MODELS, **BOTH_ENDS}
+ALL = {**KINDS, **BOTH_ENDS}
 
 
 # ---------------------------------------------------------------- values
@@ -146,26 +148,34 @@ def test_a_force_shared_by_both_ends_is_the_same_force():
 # ---------------------------------------------------------------- pattern
 
 
-@pytest.mark.parametrize("name", ["seth_hill m=1", "correspondence svk", "seth_hill m=1, energy only", *BOTH_ENDS])
-def test_the_pattern_is_two_rings_of_neighbours(name):
-    """Stored blocks lie within two rings, and for a generic state every block there is non-zero.
+BY_RINGS = ["seth_hill m=1", "correspondence svk", "seth_hill m=1, energy only", *BOTH_ENDS, "bond_based"]
+BY_RINGS += ["bond_level", "bond_level average", "bond_associated force"]
 
-    A bond needs the states of its two ends, and a point the forces of its own bonds seen from both ends: two rings
-    whether or not the far end's state is needed. Only states made from states reach a third.
+
+@pytest.mark.parametrize("name", BY_RINGS)
+def test_the_pattern_is_as_many_rings_of_neighbours_as_promised(name):
+    """Stored blocks lie within the rings, and for a generic state every block there is non-zero.
+
+    A spring needs its two ends: one ring. A bond needs the states of its two ends, and a point the forces of its own
+    bonds seen from both ends: two rings whether or not the far end's state is needed. Only states made from states
+    reach a third. (Members of a bond's own family are fewer than the family: blocks are missing, none is too many.)
     """
-    rng = bodies.random(9)
-    X = pd.lattice((5, 3)).positions
+    rng, rings = bodies.random(9), ALL[name].rings
+    X = pd.lattice((5, 3) if rings < 3 else (9, 2)).positions
     body = pd.cloud(X + 0.05 * rng.uniform(-1, 1, X.shape), rng.uniform(0.8, 1.2, len(X)))
     fams, u = bodies.padded(pd.families(body, 1.6, pd.gaussian_influence), 14), 0.05 * rng.normal(size=X.shape)
     near = np.eye(len(X), dtype=bool)
     for i, neighbours in enumerate(ref.families(body.positions, 1.6)):
         near[i, neighbours] = True
-    reach = (near.astype(int) @ near) > 0
-    assert 0.3 < reach.mean() < 0.8 and ALL[name].rings == 2
+    reach = np.linalg.matrix_power(near.astype(int), rings) > 0
+    assert 0.3 < reach.mean() < 0.8 and rings == {"bond_based": 1, "bond_level average": 3}.get(name, rings)
     J = pd.jacobian(ALL[name], fams, u)
     stored = np.zeros_like(reach)
     rows, columns = J.nonzero()
     stored[rows // 2, columns // 2] = True
+    if "associated" in name:
+        assert not (stored & ~reach).any() and stored.sum() > 0.5 * reach.sum()
+        return
     assert np.array_equal(stored, reach)
     blocks = np.abs(J.toarray()).reshape(len(X), 2, len(X), 2).min(axis=(1, 3))
     assert blocks[reach].min() > 1e-7  # 1e-5
@@ -199,6 +209,31 @@ def test_centre_block_is_that_of_a_patch_and_the_mean_of_the_symbol(name, dim, N
     D, J = block(MODELS[name], pd.lattice_family(dim, N), jnp.asarray(F), zone_grid(dim, 4 * reach + 1))
     assert worst(D, blocks[0]) < 1e-12  # 2e-15
     assert worst(D, np.mean(J, axis=0)) < 1e-12  # 2e-16
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_the_tangent_of_one_family(name):
+    """C = ∂T/∂η: the derivative of the force state; C_bc = C_cbᵀ of an energy; its sums are the centre block."""
+    model, fam, F = ALL[name], pd.lattice_family(2, 1.5, 0.5, pd.gaussian_influence), bodies.deformation(2, 12)
+    bonds = fam.bonds(jnp.asarray(F))
+    if isinstance(model, pd.TwoStageModel):
+        with pytest.raises(ValueError, match="neighbours' families too"):
+            family_tangent(model, bonds)
+        return
+    C, slope = tangents(model, bonds)
+    if model.hyperelastic:
+        assert worst(C, np.transpose(C, (2, 3, 0, 1))) < 1e-12  # 1e-15
+    if not model.needs_other_end:
+        assert worst(C, slope) < 1e-12  # 4e-15
+        own, moved = np.einsum("bicj->ij", C), np.einsum("bibj->ij", C)
+        D, _ = block(model, fam, jnp.asarray(F), np.ones((1, 2)))
+        assert worst(D, -0.25 * (own + moved)) < 1e-12  # 4e-15
+
+
+@eqx.filter_jit
+def tangents(model, bonds):
+    """C by the package, and by jacfwd of the force state."""
+    return family_tangent(model, bonds), jax.jacfwd(lambda eta: model.force_state(bonds._replace(eta=eta)))(bonds.eta)
 
 
 @pytest.mark.parametrize("name", ALL)
