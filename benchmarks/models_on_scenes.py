@@ -1,0 +1,215 @@
+"""Every model of the catalogue on the singular bar (at rest, 1D) and on the cuboid (pulled and pushed, 3D).
+
+Bar: the error is ‖u − u_local‖/‖u_local‖, the alternation ‖¼ δ²(u − u_local)‖/‖u_local‖ with δ² the second
+difference (a pure zigzag counts by its size). Springs have no law; in 1D they stand for ψ(F) = ½ E e_m(F)², and that is
+their u_local. A model without an energy has no minimum: "steady" or "growing" by its Jacobian's largest Re √λ.
+Cuboid: as in `cuboid.py`, a model fails where neighbours alternate by more than ONSET h or the run ends early. It runs
+twice: from rest, and from random displacements of SEED h, so that models exact for affine maps are tried too.
+What is in the result file is not run again; --quick is a small trial under another name.
+"""
+
+import argparse
+import json
+import time
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from _harness import RESULTS, machine, write
+from cuboid import ONSET
+from matplotlib.figure import Figure
+
+import pdjax as pd
+from pdjax._run_motions import roughness
+from pdjax.criteria.flutter import growth_square
+from pdjax.kinematics import seth_hill
+from pdjax.models.catalogue import CATALOGUE
+from pdjax.reduced import matrix
+
+jax.config.update("jax_enable_x64", True)
+STRESS = 1e-5  # over E₀
+RATE, STRAIN, SEED = 0.005, 0.1, 1e-3
+GROWS = 1e-10  # of ‖J‖: γ² above it is no rounding
+FULL = {"bar points": [100, 200, 50], "bar N": 3, "cuboid shape": [20, 5, 5], "cuboid N": 2, "models": list(CATALOGUE)}
+QUICK = {
+    "bar points": [30],
+    "bar N": 3,
+    "cuboid shape": [10, 3, 3],
+    "cuboid N": 2,
+    "models": ["bond-based", "LPS", "Silling + hourglass", "Seth–Hill 0"],
+}
+SIDES = {"tension": 1, "compression": -1}
+TINT = {"tension": "#D55E00", "compression": "#0072B2"}
+MARK = {"minimum": "o", "degenerate": "D", "saddle": "X", "steady": "s", "growing": "P"}
+
+
+class Springs(pd.BondBased):
+    """Springs on a lattice family in 1D, with the law they make there."""
+
+    modulus: float = 1.0
+
+    def local_energy(self, F):
+        return 0.5 * self.modulus * seth_hill(jnp.log(F[0, 0]), self.m) ** 2
+
+
+def growth(scene, u) -> tuple[float, int]:
+    """The fastest rate √(E₀/ρ)/L of any model's small motions at u, and how many grow."""
+    J = matrix(scene, u, 1.0).toarray() / scene.body.volumes[0]
+    size = np.linalg.norm(J, 2)
+    squares = np.asarray(growth_square(jnp.linalg.eigvals(J), size))
+    return float(max(squares.max(), 0) ** 0.5), int((squares > GROWS * size).sum())
+
+
+def bar(name: str, n: int, N: int) -> dict:
+    model = CATALOGUE[name](pd.LinearElastic(1.0, 0.0), pd.lattice_family(1, N, 1 / n))
+    if isinstance(model, pd.BondBased):
+        model = Springs(model.c, model.m)
+    out = {}
+    for side, sign in SIDES.items():
+        scene = pd.scenes.singular_bar(n, N, sign * STRESS, model=model)
+        found = pd.solve(scene, stability=False)
+        known = np.asarray(scene.closed_form)
+        off = np.asarray(found.u) - known
+        rate, growing = growth(scene, found.u)
+        row = {
+            "error": float(np.linalg.norm(off) / np.linalg.norm(known)),
+            "alternation": float(np.linalg.norm(np.diff(off, 2, axis=0)) / 4 / np.linalg.norm(known)),
+            "converged": found.converged,
+            "iterations": int(found.iterations),
+            "growth rate": rate,
+            "growing": growing,
+        }
+        if model.hyperelastic:
+            own = pd.body_stability(scene, found.u)
+            row |= {"kind": own.kind, "positive": own.positive}
+        else:
+            row |= {"kind": "growing" if growing else "steady", "positive": None}
+        out[side] = row
+    return out
+
+
+def drive(motion, steps: int, shape) -> dict:
+    """One run of the cuboid: the strain at which it fails, or None."""
+    h = motion.scene.body.spacing
+    cut = {"force": pd.observers.section_force(motion.scene.body, 0.5 * h * shape[0])}
+    dt = motion.duration / steps
+    history = pd.simulate(motion, dt=dt, save_every=steps // 100, observers=cut, show_progress=False)
+    strain = STRAIN * np.minimum(history.times / motion.duration, 1)
+    worst = np.max([roughness(history.u, shape, k) for k in range(3)], axis=0) / h
+    over = np.flatnonzero(~(worst <= ONSET))
+    fails = float(strain[over[0]]) if len(over) else None if history.finished else float(strain[-1])
+    force = history.observed["force"][:, 0] / (shape[1] * shape[2] * h**2)
+    early = strain <= 0.02
+    return {
+        "fails at": fails,
+        "finished": history.finished,
+        "reason": history.reason,
+        "alternation at the end": float(worst[-1]),
+        "stiffness": float(np.abs(force[early] @ strain[early] / (strain[early] @ strain[early]))),
+    }
+
+
+def cuboid(name: str, shape, N: int) -> dict:
+    model = CATALOGUE[name](pd.LinearElastic(1.0, 1.0), pd.lattice_family(3, N, 1 / shape[-1]))
+    fam = pd.lattice_family(3, N, 1 / shape[-1])
+    out, small = {}, 1e-5
+    inside = pd.piola_stress(model, fam, pd.uniaxial_stress(small, model, fam))[0, 0] / small
+    out["Young's modulus inside a lattice"] = float(inside)
+    for side, sign in SIDES.items():
+        motion = pd.scenes.cuboid(shape, N, sign * STRAIN, RATE, model)
+        steps = 100 * int(np.ceil(motion.duration / (80 * pd.critical_time_step(motion))))
+        noise = SEED * motion.scene.body.spacing * np.random.default_rng(0).normal(size=motion.start.shape)
+        shaken = eqx.tree_at(lambda m: m.start, motion, jnp.where(motion.free, noise, motion.start))
+        out[side] = {"steps": steps, **drive(motion, steps, shape), "seeded": drive(shaken, steps, shape)}
+    out["Young's modulus of the body"] = (out["tension"]["stiffness"] + out["compression"]["stiffness"]) / 2
+    return out
+
+
+def draw(numbers: dict) -> Figure:
+    figure = Figure(figsize=(11.5, 7.6), layout="constrained")
+    left, middle, right = figure.subplots(1, 3, sharey=True, width_ratios=(1, 1, 1.25))
+    names, seen = numbers["settings"]["models"], set()
+    n, end = str(numbers["settings"]["bar points"][0]), 100 * STRAIN
+    for y, name in enumerate(names):
+        rest, moving = numbers["bar"].get(name, {}).get(n, {}), numbers["cuboid"].get(name, {})
+        for side, sign in SIDES.items():
+            if row := rest.get(side):
+                seen.add(row["kind"])
+                how = {"color": TINT[side], "markersize": 6, "markeredgecolor": "white", "markeredgewidth": 0.5}
+                left.plot(row["error"], y - 0.17 * sign, MARK[row["kind"]], **how)
+                middle.plot(row["alternation"], y - 0.17 * sign, MARK[row["kind"]], **how)
+            if row := moving.get(side):
+                whole = row["fails at"] is None
+                length = sign * (end if whole else 100 * row["fails at"])
+                right.barh(y, length, 0.62, color=TINT[side], alpha=0.35 if whole else 0.9)
+                again = row["seeded"]["fails at"]
+                edge = sign * (end if again is None else 100 * again)
+                right.plot(edge, y, ">" if sign > 0 else "<", color="black", markersize=4, fillstyle="full")
+        for on, said in ((left, rest), (right, moving)):
+            if "left out" in said:
+                on.text(
+                    0.5, y, said["left out"], fontsize=7, ha="center", va="center", transform=on.get_yaxis_transform()
+                )
+    left.set_yticks(range(len(names)), names, fontsize=8.5)
+    left.set_ylim(len(names) - 0.4, -0.6)
+    left.set_xlim(left=0)
+    left.set_xlabel("bar: error of u, relative  [–]")
+    middle.set_xscale("log")
+    middle.set_xlabel("bar: alternation of u, relative  [–]")
+    right.set_xlim(-1.12 * end, 1.12 * end)
+    right.axvline(0, color="black", linewidth=0.8)
+    right.set_xlabel("cuboid: strain of the ends survived  [%]")
+    for on in (left, middle, right):
+        on.grid(axis="both", color="#dddddd", linewidth=0.5)
+        on.set_axisbelow(True)
+    for side in SIDES:
+        left.plot([], [], "o", color=TINT[side], label=side)
+        right.barh(0, 0, color=TINT[side], alpha=0.9, label=f"fails, {side}")
+        right.barh(0, 0, color=TINT[side], alpha=0.35, label="comes through")
+    words = {"steady": "no energy: steady", "growing": "no energy: growing"}
+    for kind in (k for k in MARK if k in seen):
+        left.plot([], [], MARK[kind], color="#777777", label=words.get(kind, kind))
+    right.plot([], [], "k>", markersize=4, label=f"seeded by {SEED:g} h")
+    figure.legend(*left.get_legend_handles_labels(), loc="outside lower left", ncols=3, frameon=False, fontsize=8)
+    figure.legend(*right.get_legend_handles_labels(), loc="outside lower right", ncols=3, frameon=False, fontsize=8)
+    where = numbers["settings"]
+    shape = " × ".join(map(str, where["cuboid shape"]))
+    figure.suptitle(
+        f"Singular bar: n = {n}, N = {where['bar N']}, α = 10, σ/E₀ = ±{STRESS:g}.   "
+        f"Cuboid: {shape}, N = {where['cuboid N']}, λ = μ = ρ = 1, strain rate {RATE:g}",
+        fontsize=10.5,
+    )
+    return figure
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--quick", action="store_true", help="four models, small bodies, another name")
+    quick = parser.parse_args().quick
+    settings, out = (QUICK, "models_on_scenes-quick") if quick else (FULL, "models_on_scenes")
+    file = RESULTS / f"{out}.json"
+    numbers = {"settings": settings, "bar": {}, "cuboid": {}}
+    if file.exists() and (kept := json.loads(file.read_text()))["settings"] == settings:
+        numbers = {key: kept[key] for key in numbers}
+    shape, N = tuple(settings["cuboid shape"]), settings["cuboid N"]
+    tasks = [("cuboid", 3, None), *(("bar", 1, n) for n in settings["bar points"])]
+    for scene, dim, n in [tasks[1], tasks[0], *tasks[2:]]:
+        for name in settings["models"]:
+            rows, key = (numbers[scene], name) if n is None else (numbers[scene].setdefault(name, {}), str(n))
+            if key in rows or "left out" in rows:
+                continue
+            start = time.perf_counter()
+            law = pd.LinearElastic(1.0, 1.0)
+            if dim not in CATALOGUE[name](law, pd.lattice_family(3, 1)).dims:
+                rows |= {"left out": f"not defined in {dim}D"}
+                continue
+            rows[key] = cuboid(name, shape, N) if n is None else bar(name, n, settings["bar N"])
+            rows[key]["seconds, compilation included"] = round(time.perf_counter() - start, 1)
+            file.write_text(json.dumps({"machine": machine(), **numbers}, indent=1) + "\n")
+            print(scene, n or "", name, json.dumps(rows[key]), flush=True)
+    write(out, numbers, draw(numbers))
+
+
+if __name__ == "__main__":
+    main()
