@@ -14,6 +14,7 @@ import numpy as np
 
 from ._run import add_run, run
 from ._run_atlas import add_atlas, run_atlas
+from ._run_motions import Job
 
 _EPILOG = """examples
   pdjax map                                     the default map: 2D, N = 3, orders m in [-2, 2], |a| up to 30 %
@@ -166,9 +167,10 @@ def _plain(value):
     return value
 
 
-def _map(arguments) -> dict:
+def _map(arguments) -> Job:
     import pdjax as pd
     from pdjax._checks import writable
+    from pdjax._run_motions import write_picture
 
     law, path, influence = _setting(arguments)
     picture, data = (writable(f"{arguments.out}.{ending}") for ending in ("png", "npz"))
@@ -187,7 +189,6 @@ def _map(arguments) -> dict:
         save=data,
     )
     seconds = time.perf_counter() - start
-    pd.figures.stability_map(grid).savefig(picture, dpi=150)
     orders = np.array([-1.0, 0.0, 0.5, 1.0, 2.0])
     rows = _critical_rows(orders, ["symbol", "diagonal"], law, path, influence, arguments)
     words, counts = np.unique(grid.verdict, return_counts=True)
@@ -197,8 +198,7 @@ def _map(arguments) -> dict:
         print("by the symbol: " + ", ".join(f"{share:.1%} {word}" for word, share in shares.items()) + "\n")
         print("critical loads a [-] (0: unstable at once; none: not within -0.9 to 1)")
         print(_table(rows) + "\n")
-        print(f"wrote {picture} and {data}")
-    return {
+    out = {
         "figure": str(picture),
         "data": str(data),
         "seconds": seconds,
@@ -207,8 +207,14 @@ def _map(arguments) -> dict:
         "settings": grid.settings,
     }
 
+    def files() -> str:
+        write_picture(pd.figures.stability_map(grid), picture)
+        return f"wrote {picture} and {data}"
 
-def _critical(arguments) -> dict:
+    return out, files
+
+
+def _critical(arguments) -> Job:
     law, path, influence = _setting(arguments)
     names = arguments.criterion or ["symbol", "block", "diagonal", "continuum"]
     rows = _critical_rows(arguments.m, names, law, path, influence, arguments)
@@ -216,7 +222,7 @@ def _critical(arguments) -> dict:
         print(f"{arguments.dim}D, N = {arguments.N:g}, {arguments.path}: critical loads a [-]")
         print("(0: unstable at once; none: not within -0.9 to 1)")
         print(_table(rows))
-    return {"critical_loads": rows}
+    return {"critical_loads": rows}, None
 
 
 _CORNERS: dict[int, list[tuple[str, tuple[int, ...]]]] = {
@@ -226,11 +232,12 @@ _CORNERS: dict[int, list[tuple[str, tuple[int, ...]]]] = {
 }
 
 
-def _symbol(arguments) -> dict:
+def _symbol(arguments) -> Job:
     import jax.numpy as jnp
 
     import pdjax as pd
     from pdjax._checks import writable
+    from pdjax._run_motions import write_picture
 
     law, path, influence = _setting(arguments)
     picture = writable(arguments.out) if arguments.out else None
@@ -255,10 +262,6 @@ def _symbol(arguments) -> dict:
         "F": np.asarray(F).tolist(),
     }
     if picture is not None:
-        title = f"m = {arguments.m:g}, {arguments.path} a = {arguments.a:g}, {arguments.dim}D, N = {arguments.N:g}: "
-        ticks = arc[np.minimum(80 * np.arange(len(corners)), len(arc) - 1)]
-        names = [name for name, _ in _CORNERS[arguments.dim]]
-        pd.figures.dispersion(arc, values, ticks, names, title + result.verdict).savefig(picture, dpi=150)
         out["figure"] = str(picture)
     if not arguments.json:
         k = ", ".join(f"{x:.4f}" for x in np.asarray(result.wave_vector) / np.pi)
@@ -266,28 +269,38 @@ def _symbol(arguments) -> dict:
         print(f"{result.verdict}: margin {out['margin']:+.6e} (zero within {out['tolerance']:.0e})")
         print(f"wave vector ({k}) π/h, mode ({mode}), eigenvalue {out['eigenvalue']:+.6e} (spacing 1, unit of lam)")
         print(f"zone grid: {result.resolution} intervals from 0 to π/h")
-        if picture is not None:
-            print(f"wrote {picture}")
-    return out
+
+    def files() -> str:
+        assert picture is not None
+        title = f"m = {arguments.m:g}, {arguments.path} a = {arguments.a:g}, {arguments.dim}D, N = {arguments.N:g}: "
+        ticks = arc[np.minimum(80 * np.arange(len(corners)), len(arc) - 1)]
+        names = [name for name, _ in _CORNERS[arguments.dim]]
+        write_picture(pd.figures.dispersion(arc, values, ticks, names, title + result.verdict), picture)
+        return f"wrote {picture}"
+
+    return out, None if picture is None else files
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Run one job; 0 done, 2 bad input, 130 interrupted."""
+    """Run one job; 0 done, 2 bad input, 130 interrupted. Numbers are said before a file is written."""
     arguments = _parser().parse_args(argv)
     import jax
 
     jax.config.update("jax_enable_x64", True)
     job = {"map": _map, "critical": _critical, "symbol": _symbol, "atlas": run_atlas, "run": run}[arguments.job]
     try:
-        out = job(arguments)
+        out, files = job(arguments)
+        if arguments.json:
+            print(json.dumps(_plain(out)), flush=True)
+        wrote = files() if files is not None else ""
+        if wrote and not arguments.json:
+            print(wrote)
     except (ValueError, OSError) as error:
         print(f"pdjax {arguments.job}: {error}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
         print(f"\npdjax {arguments.job}: interrupted; what was saved so far is kept", file=sys.stderr)
         return 130
-    if arguments.json:
-        print(json.dumps(_plain(out)))
     return 0
 
 

@@ -88,13 +88,21 @@ def writable(path: str | os.PathLike) -> Path:
 
 
 @contextmanager
+def moved_whole(path: str | os.PathLike, part: Path) -> Iterator[None]:
+    """What is written to `part` becomes `path`, or nothing does; a disk that refuses is said with the file's name."""
+    try:
+        yield
+        os.replace(part, path)
+    except OSError as error:
+        raise OSError(f"could not write {path}: {error.strerror or error}; what stood there is as it was") from error
+    finally:
+        part.unlink(missing_ok=True)
+
+
+@contextmanager
 def written_whole(path: str | os.PathLike) -> Iterator[BinaryIO]:
     """A stream that becomes the file `path` when all of it is written, and nothing if something fails on the way."""
     path = writable(path)
     part = path.with_name(path.name + ".part")
-    try:
-        with open(part, "wb") as stream:
-            yield stream
-        os.replace(part, path)
-    finally:
-        part.unlink(missing_ok=True)
+    with moved_whole(path, part), open(part, "wb") as stream:
+        yield stream

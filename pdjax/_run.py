@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from ._run_motions import add_motions, run_cuboid, run_wave, write_out
+from ._run_motions import Job, add_motions, run_cuboid, run_wave, write_out
 
 
 def add_run(jobs, formatter) -> None:
@@ -61,12 +61,12 @@ def _say(what: str, result, error: float) -> str:
     return "\n".join(lines)
 
 
-def run(arguments) -> dict:
-    """Solve or run the scene asked for, judge and draw it; what was found as a dictionary."""
+def run(arguments) -> Job:
+    """Solve or run the scene asked for, judge it; what was found as a dictionary, and what writes the files."""
     return {"cuboid": run_cuboid, "wave": run_wave}.get(arguments.scene, _bars)(arguments)
 
 
-def _bars(arguments) -> dict:
+def _bars(arguments) -> Job:
     """The bars at rest."""
     import pdjax as pd
     from pdjax._checks import writable
@@ -117,8 +117,8 @@ def _bars(arguments) -> dict:
                 print(_say(what, result, error))
     names = ("E₀ u / (σ L)  [–]", "E₀ ε / σ  [–]") if singular else ("u / (strain · L)  [–]", "ε / strain  [–]")
     title = f"{arguments.scene}, {arguments.n} points, N = {arguments.N:g}, m = {arguments.m:g}, {arguments.method}"
-    figure = pd.figures.bars(cases, title, names)
-    write_out(figure, picture, arrays, data)
-    if not arguments.json:
-        print(f"wrote {picture} and {data}")
-    return {"figure": str(picture), "data": str(data), "cases": rows}
+
+    def files() -> str:
+        return write_out(lambda: pd.figures.bars(cases, title, names), picture, arrays, data)
+
+    return {"figure": str(picture), "data": str(data), "cases": rows}, files

@@ -4,6 +4,8 @@ import argparse
 import math
 from typing import Any
 
+from ._run_motions import Job
+
 
 def add_atlas(jobs: Any, formatter: Any) -> None:
     """The arguments of the job."""
@@ -57,8 +59,8 @@ def table(records: list[dict], dim: int, N: float) -> str:
     return "\n".join(lines)
 
 
-def run_atlas(arguments: argparse.Namespace) -> dict:
-    """Do the job; what is returned goes to --json."""
+def run_atlas(arguments: argparse.Namespace) -> Job:
+    """Do the job: what goes to --json, and what writes the picture."""
     import pdjax as pd
     from pdjax._checks import writable
 
@@ -69,11 +71,15 @@ def run_atlas(arguments: argparse.Namespace) -> dict:
     found = pd.model_atlas(
         arguments.models, arguments.dim, arguments.N, law, arguments.path or list(pd.PATHS), save=data
     )
-    pd.figures.model_atlas(found, arguments.N[-1]).savefig(picture, dpi=150)
     if not arguments.json:
         print("critical strain [%] in compression and tension (0: at once, inf: not within -90 to +100, o: marginal)\n")
         for dim in arguments.dim:
             for n in arguments.N:
                 print(table(found.records, dim, n) + "\n")
-        print(f"wrote {picture} and {data}")
-    return {"figure": str(picture), "data": str(data), "records": found.records, "settings": found.settings}
+    out = {"figure": str(picture), "data": str(data), "records": found.records, "settings": found.settings}
+
+    def draw() -> str:
+        pd.figures.model_atlas(found, arguments.N[-1]).savefig(picture, dpi=150)
+        return f"wrote {picture} and {data}"
+
+    return out, draw

@@ -1,10 +1,14 @@
 """`pdjax run cuboid` and `pdjax run wave`: the scenes that move on the command line."""
 
 import argparse
+import shutil
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+
+Job = tuple[dict, Callable[[], str] | None]  # what was found; what writes the files and says which
 
 
 def add_motions(scenes) -> None:
@@ -60,19 +64,27 @@ def _model(arguments, dim: int):
     return pd.SethHill(arguments.m, law) if arguments.model == "seth-hill" else pd.Correspondence(law)  # type: ignore
 
 
-def _extras(arguments, scene, history, name: str) -> dict[str, str]:
+def _extras(arguments, name: str) -> dict[str, str]:
     """Pictures and files that were asked for beside the figure."""
-    import pdjax as pd
-    from pdjax.export import write_vtk
-
     out = {}
     if arguments.animate:
         file = Path(arguments.animate)
-        file = file if not name else file.with_name(f"{file.stem}{name}{file.suffix}")
-        out["animation"] = str(pd.figures.animation(scene, history, file, component=scene.body.dim - 1))
+        out["animation"] = str(file.with_name(f"{file.stem}{name}{file.suffix}"))
     if arguments.vtk:
-        out["vtk"] = str(write_vtk(scene, history, f"{arguments.vtk}{name}"))
+        out["vtk"] = f"{arguments.vtk}{name}.vtu.series"
     return out
+
+
+def _write_extras(extras: dict[str, str], scene, history) -> str:
+    """Write them; which, in words."""
+    import pdjax as pd
+    from pdjax.export import write_vtk
+
+    if "animation" in extras:
+        pd.figures.animation(scene, history, extras["animation"], component=scene.body.dim - 1)
+    if "vtk" in extras:
+        write_vtk(scene, history, extras["vtk"].removesuffix(".vtu.series"))
+    return "".join(f", {file}" for file in extras.values())
 
 
 def _check_outputs(arguments) -> tuple[Path, Path]:
@@ -81,6 +93,8 @@ def _check_outputs(arguments) -> tuple[Path, Path]:
 
     if arguments.animate and Path(arguments.animate).suffix not in (".gif", ".mp4"):
         raise ValueError(f"--animate takes a .gif or an .mp4; got {arguments.animate!r}")
+    if arguments.animate and Path(arguments.animate).suffix == ".mp4" and shutil.which("ffmpeg") is None:
+        raise ValueError("--animate to an .mp4 needs the program ffmpeg, which is not installed; name a .gif instead")
     for extra in (arguments.animate, arguments.vtk):
         if extra:
             writable(extra)
@@ -93,14 +107,22 @@ def _check_outputs(arguments) -> tuple[Path, Path]:
     return picture, data
 
 
-def write_out(figure, picture: Path, arrays: dict[str, Any], data: Path) -> None:
-    """The figure and the numbers behind it, each whole or not there."""
+def write_picture(figure, picture: Path) -> None:
+    """A PNG, whole or not there."""
     from pdjax._checks import written_whole
 
     with written_whole(picture) as stream:
         figure.savefig(stream, format="png", dpi=150)
+
+
+def write_out(draw: Callable[[], Any], picture: Path, arrays: dict[str, Any], data: Path) -> str:
+    """The numbers, then the figure drawn of them, each whole or not there; what was written, in words."""
+    from pdjax._checks import written_whole
+
     with written_whole(data) as stream:
         np.savez(stream, **arrays)
+    write_picture(draw(), picture)
+    return f"wrote {data} and {picture}"
 
 
 def roughness(u: np.ndarray, shape: tuple[int, ...], axis: int) -> np.ndarray:
@@ -113,8 +135,8 @@ def roughness(u: np.ndarray, shape: tuple[int, ...], axis: int) -> np.ndarray:
     return np.max([np.sqrt(np.mean(d**2, axis=tuple(range(1, d.ndim)))) for d in sizes], axis=0)
 
 
-def run_cuboid(arguments) -> dict:
-    """Pull and push the cuboid; what was found as a dictionary."""
+def run_cuboid(arguments) -> Job:
+    """Pull and push the cuboid; what was found, and what writes the files."""
     import pdjax as pd
 
     picture, data = _check_outputs(arguments)
@@ -124,6 +146,7 @@ def run_cuboid(arguments) -> dict:
     rows: list[dict] = []
     arrays: dict[str, Any] = {}
     field: dict[str, Any] | None = None
+    films: list[tuple] = []
     for strain in arguments.strain:
         motion = pd.scenes.cuboid(arguments.shape, arguments.N, strain, arguments.rate, model)
         scene = motion.scene
@@ -162,24 +185,27 @@ def run_cuboid(arguments) -> dict:
             "energy_error": float(np.abs(history.energies.error).max()),
             "force": float(force[-1]),
             "roughness": {axis: float(values[-1]) for axis, values in rough.items()},
-            **_extras(arguments, scene, history, f"-{strain:g}"),
+            **_extras(arguments, f"-{strain:g}"),
         }
         rows.append(row)
+        if arguments.animate or arguments.vtk:
+            films.append((_extras(arguments, f"-{strain:g}"), scene, history))
         if not arguments.json:
             print(f"{name}: {history}")
             print(f"  force through the middle {force[-1]:+.4f} E₀ A, where a classical bar has {reached[-1]:+.4f}")
             print("  alternation between neighbours / h: " + ", ".join(f"u_{a} {v[-1]:.1e}" for a, v in rough.items()))
     which = f"m = {arguments.m:g}" if arguments.model == "seth-hill" else "Silling's correspondence"
     title = f"cuboid of {' × '.join(map(str, arguments.shape))} points, N = {arguments.N:g}, {which}"
-    figure = pd.figures.cuboid(runs, title, field)
-    write_out(figure, picture, arrays, data)
-    if not arguments.json:
-        print(f"wrote {picture} and {data}")
-    return {"figure": str(picture), "data": str(data), "cases": rows}
+
+    def files() -> str:
+        wrote = write_out(lambda: pd.figures.cuboid(runs, title, field), picture, arrays, data)
+        return wrote + "".join(_write_extras(*film) for film in films)
+
+    return {"figure": str(picture), "data": str(data), "cases": rows}, files
 
 
-def run_wave(arguments) -> dict:
-    """Run a wave, measure its frequency or growth, set it beside the symbol's; what was found as a dictionary."""
+def run_wave(arguments) -> Job:
+    """Run a wave, measure its frequency or growth, beside the symbol's; what was found, what writes the files."""
     import pdjax as pd
 
     picture, data = _check_outputs(arguments)
@@ -200,20 +226,20 @@ def run_wave(arguments) -> dict:
         dt = min(0.8 * pd.critical_time_step(motion), 0.02 / (omega or growth or 1.0))
     history = pd.simulate(motion, dt=dt, show_progress=not arguments.json)
     size = np.asarray(pd.amplitude(history.u, motion.start))
-    measured = pd.measured_rate(history.times, size)
+    # a run that blew up has no rate of its own
+    measured = pd.measured_rate(history.times, size) if history.finished and len(size) > 2 else pd.Rate(np.nan, np.nan)
     own = pd.verlet_rate(pd.Rate(growth, omega), history.dt)
     law = {"symbol": np.cosh(growth * history.times) if growth else np.cos(omega * history.times)}
     kind = "zero-energy mode" if still else "growing mode" if growth else "wave"
     waves = ", ".join(f"{x:.4g}" for x in k / np.pi)
     title = f"{kind} k = ({waves}) π/h, {dim}D, m = {arguments.m:g}, a = {arguments.a:g}, u₀ = {arguments.u0:g} h"
-    figure = pd.figures.motion(history, size, law, title, "[h √(ρ/E₀)]")
     arrays: dict[str, Any] = {
         "times": history.times,
         "amplitude": size,
         "u": history.u,
         "X": motion.scene.body.positions,
     }
-    write_out(figure, picture, arrays, data)
+    extras = _extras(arguments, "")
     out = {
         "k": k.tolist(),
         "kind": kind,
@@ -227,14 +253,22 @@ def run_wave(arguments) -> dict:
         "energy_error": float(np.abs(history.energies.error).max()),
         "figure": str(picture),
         "data": str(data),
-        **_extras(arguments, motion.scene, history, ""),
+        **extras,
     }
     if not arguments.json:
         print(f"{kind}, k = ({waves}) π/h")
         print(f"  symbol:   frequency {omega:.8g}, growth {growth:.8g}")
-        print(f"  measured: frequency {measured.frequency:.8g}, growth {measured.growth:.8g}")
-        print(
-            f"  Verlet's: frequency {own.frequency:.8g}, growth {own.growth:.8g} (exact for its step {history.dt:.4g})"
-        )
-        print(f"{history}\nwrote {picture} and {data}")
-    return out
+        if np.isfinite(measured.growth):
+            print(f"  measured: frequency {measured.frequency:.8g}, growth {measured.growth:.8g}")
+        if np.isfinite(own.frequency):
+            exact = f"(exact for its step {history.dt:.4g})"
+            print(f"  Verlet's: frequency {own.frequency:.8g}, growth {own.growth:.8g} {exact}")
+        else:
+            print(f"  Verlet's: none, its step {history.dt:.4g} is above the wave's own 2/ω = {2 / omega:.4g}")
+        print(history)
+
+    def files() -> str:
+        wrote = write_out(lambda: pd.figures.motion(history, size, law, title, "[h √(ρ/E₀)]"), picture, arrays, data)
+        return wrote + _write_extras(extras, motion.scene, history)
+
+    return out, files

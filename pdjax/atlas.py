@@ -183,8 +183,8 @@ def dispersion_error(model: AbstractModel, fam: Family, law: LinearElastic) -> l
 
 
 def cost_per_bond(model: AbstractModel, dim: int, N: float, repeats: int = 5) -> float:
-    """Median time of a force evaluation over its bonds [s], on a small lattice body, compiled before."""
-    fams = families(lattice(COST_POINTS[dim]), N)
+    """Median time of a force evaluation over its bonds [s], on a small periodic lattice, compiled before."""
+    fams = families(lattice(COST_POINTS[dim], periodic=True), N)
     u = jnp.asarray(1e-3 * np.random.default_rng(0).normal(size=(len(fams), dim)))
     force_density(model, fams, u)  # checks the families
     bonds = fams.bonds(u)

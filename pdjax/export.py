@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ._checks import written_whole
+from ._checks import moved_whole, writable, written_whole
 from .dynamics.history import History
 from .problem import Scene
 
@@ -39,6 +39,7 @@ def write_vtk(scene: Scene, history: History, path: str | os.PathLike, fields: d
                 f"field {name} must have shape (saves, points, …) = ({saves}, {points}, …); got {values.shape}"
             )
     path = Path(path)
+    series = writable(path.with_name(path.name + ".vtu.series"))
     cells = [("vertex", np.arange(points)[:, None])]
     where = _three(scene.body.positions)
     entries = []
@@ -46,13 +47,9 @@ def write_vtk(scene: Scene, history: History, path: str | os.PathLike, fields: d
         file = path.with_name(f"{path.name}-{save:04d}.vtu")
         data = {name: _three(values[save]) for name, values in columns.items()}
         part = file.with_name(file.name + ".part.vtu")
-        try:
+        with moved_whole(file, part):
             meshio.write(part, meshio.Mesh(where, cells, point_data=data))
-            os.replace(part, file)
-        finally:
-            part.unlink(missing_ok=True)
         entries.append({"name": file.name, "time": float(history.times[save])})
-    series = path.with_name(path.name + ".vtu.series")
     with written_whole(series) as stream:
         stream.write(json.dumps({"file-series-version": "1.0", "files": entries}, indent=1).encode())
     return series

@@ -1,5 +1,6 @@
 """The command line, in process: files, tables, JSON, and errors that name what was wrong and leave nothing behind."""
 
+import errno
 import json
 
 import numpy as np
@@ -146,3 +147,35 @@ def test_run_cuboid_says_how_it_ended(tmp_path, capsys):
     force = np.load(tmp_path / "c.npz")["strain -0.02 force"]
     assert main([*arguments, *keep]) == 0  # everything is in the checkpoint: the same numbers again
     assert np.array_equal(np.load(tmp_path / "c.npz")["strain -0.02 force"], force)
+
+
+@pytest.mark.parametrize("dt", ["10", "4.6"])
+@pytest.mark.filterwarnings("ignore:dt =")
+def test_a_wave_that_blows_up_is_said_to(dt, tmp_path, capsys):
+    """Too few saves for a rate are no bad input: what happened is said, and written."""
+    assert main(["run", "wave", "--dt", dt, "--out", str(tmp_path / "w")]) == 0
+    said = capsys.readouterr().out
+    assert "is above the critical step" in said and "measured:" not in said
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["w.npz", "w.png"]
+
+
+def test_a_full_disk_loses_no_numbers(tmp_path, capsys, monkeypatch):
+    """They are said before anything is written, the arrays are written before the picture, and the file is named."""
+    from matplotlib.figure import Figure
+
+    def full(*_, **__):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(Figure, "savefig", full)
+    assert main(["run", "wave", "--out", str(tmp_path / "w"), "--json"]) == 2
+    said = capsys.readouterr()
+    assert json.loads(said.out)["finished"]
+    assert f"could not write {tmp_path / 'w.png'}: No space left on device" in said.err
+    assert [p.name for p in tmp_path.iterdir()] == ["w.npz"]
+
+
+def test_a_film_that_cannot_be_made_is_refused_before_the_run(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr("shutil.which", lambda _: None)
+    assert main(["run", "wave", "--animate", str(tmp_path / "w.mp4"), "--out", str(tmp_path / "w")]) == 2
+    assert "needs the program ffmpeg" in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []

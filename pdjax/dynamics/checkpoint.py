@@ -48,7 +48,7 @@ def save(path: str | os.PathLike, name: str, state: State, records: list[Any]) -
             np.savez(stream, fingerprint=name, version=VERSION, **arrays)  # type: ignore[arg-type]
     except OSError as error:
         warnings.warn(
-            f"checkpoint {path} could not be written ({error}); the run goes on and the last checkpoint is as it was",
+            f"no checkpoint was written: {error}; the run goes on",
             stacklevel=3,
         )
         return False

@@ -3,6 +3,7 @@ animations."""
 
 import os
 import shutil
+import subprocess
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -11,6 +12,7 @@ import numpy as np
 from matplotlib.animation import FFMpegWriter, FuncAnimation, PillowWriter
 from matplotlib.figure import Figure
 
+from .._checks import moved_whole
 from ..dynamics.history import History
 from ..problem import Scene
 from .still import COLOURS
@@ -180,9 +182,9 @@ def animation(
 
     film = FuncAnimation(figure, draw, frames=len(u), blit=False)
     part = path.with_name(f"{path.stem}.part{path.suffix}")
-    try:
-        film.save(part, writer=PillowWriter(fps) if path.suffix == ".gif" else FFMpegWriter(fps), dpi=90)
-        os.replace(part, path)
-    finally:
-        part.unlink(missing_ok=True)
+    with moved_whole(path, part):
+        try:
+            film.save(part, writer=PillowWriter(fps) if path.suffix == ".gif" else FFMpegWriter(fps), dpi=90)
+        except subprocess.CalledProcessError as error:
+            raise OSError(f"ffmpeg ended with status {error.returncode}") from error
     return path
