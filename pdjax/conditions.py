@@ -20,9 +20,10 @@ import numpy as np
 
 
 class Prescribed(NamedTuple):
-    """Displacements `u` [length] of `points`; `components` None means all of them."""
+    """Displacements `u` [length] of `points`; `components` None means all of them; `mask` as in `point_numbers`."""
 
     points: np.ndarray
+    mask: int | None
     u: Any
     components: tuple[int, ...] | None
 
@@ -31,6 +32,7 @@ class BodyForce(NamedTuple):
     """Body force density `b` [force/length^dim] on `points`."""
 
     points: np.ndarray
+    mask: int | None
     b: Any
 
 
@@ -38,6 +40,7 @@ class TotalForce(NamedTuple):
     """A force [force] spread evenly over the volume of `points`."""
 
     points: np.ndarray
+    mask: int | None
     force: Any
 
 
@@ -45,6 +48,7 @@ class HomogeneousTraction(NamedTuple):
     """The body force on `points` that balances the homogeneous deformation F there, its origin at rest."""
 
     points: np.ndarray
+    mask: int | None
     F: Any
     model: Any
 
@@ -52,15 +56,25 @@ class HomogeneousTraction(NamedTuple):
 Condition = Prescribed | BodyForce | TotalForce | HomogeneousTraction
 
 
-def point_numbers(points) -> np.ndarray:
-    """Point numbers from numbers or from a boolean mask."""
-    points = np.atleast_1d(np.asarray(points))
-    if points.dtype == bool:
-        points = np.flatnonzero(points)
+def point_numbers(points) -> tuple[np.ndarray, int | None]:
+    """Point numbers from numbers or from a boolean mask, and the length of the mask, which must be the body's."""
+    points, mask = np.atleast_1d(np.asarray(points)), None
+    if points.dtype == bool and points.ndim == 1:
+        points, mask = np.flatnonzero(points), len(points)
     if points.ndim != 1 or points.size == 0 or not np.issubdtype(points.dtype, np.integer):
         raise ValueError(f"points must be a mask or a list of point numbers, not empty; got {points!r}")
     if len(np.unique(points)) != len(points):
         raise ValueError("points must not name a point twice")
+    return points, mask
+
+
+def check_points(what: str, points: np.ndarray, mask: int | None, count: int) -> np.ndarray:
+    """`points` if a body of `count` points has them; ValueError for a mask of another length, a point it has not."""
+    if mask is not None and mask != count:
+        raise ValueError(f"{what} has a mask of {mask} points; the body has {count}")
+    if points.min() < 0 or points.max() >= count:
+        bad = int(points[(points < 0) | (points >= count)][0])
+        raise ValueError(f"{what} names point {bad}; the body has points 0 to {count - 1}")
     return points
 
 
@@ -73,17 +87,17 @@ def prescribe(points, u=0.0, components=None) -> Prescribed:
     chosen = None if components is None else tuple(int(c) for c in np.atleast_1d(components))
     if chosen is not None and (len(set(chosen)) != len(chosen) or not chosen):
         raise ValueError(f"components must be different numbers such as (0, 1); got {components!r}")
-    return Prescribed(point_numbers(points), jnp.asarray(u, dtype=float), chosen)
+    return Prescribed(*point_numbers(points), jnp.asarray(u, dtype=float), chosen)
 
 
 def body_force(points, b) -> BodyForce:
     """A body force density b [force/length^dim]: a number in 1D, (dim,), or (points named, dim)."""
-    return BodyForce(point_numbers(points), jnp.asarray(b, dtype=float))
+    return BodyForce(*point_numbers(points), jnp.asarray(b, dtype=float))
 
 
 def total_force(points, force) -> TotalForce:
     """A force (dim,) [force] spread evenly over the points named: the crude traction of the module's head."""
-    return TotalForce(point_numbers(points), jnp.asarray(force, dtype=float))
+    return TotalForce(*point_numbers(points), jnp.asarray(force, dtype=float))
 
 
 def homogeneous_traction(points, F, model=None) -> HomogeneousTraction:
@@ -91,4 +105,4 @@ def homogeneous_traction(points, F, model=None) -> HomogeneousTraction:
 
     `model`: whose internal force is meant, if not the body's own (a graded body's material at the surface).
     """
-    return HomogeneousTraction(point_numbers(points), jnp.asarray(F, dtype=float), model)
+    return HomogeneousTraction(*point_numbers(points), jnp.asarray(F, dtype=float), model)

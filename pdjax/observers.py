@@ -15,7 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .conditions import point_numbers
+from .conditions import check_points, point_numbers
 from .points import Points
 from .problem import Scene
 
@@ -30,11 +30,9 @@ class Snapshot(NamedTuple):
     force: Float[Array, "points dim"]
 
 
-def _check_points(points: np.ndarray, scene: Scene) -> None:
-    count = scene.prescribed.shape[0]
-    if isinstance(points, np.ndarray) and (points.min() < 0 or points.max() >= count):
-        bad = int(points[(points < 0) | (points >= count)][0])
-        raise ValueError(f"an observer names point {bad}; the body has points 0 to {count - 1}")
+def _check_points(points: np.ndarray, mask: int | None, scene: Scene) -> None:
+    if isinstance(points, np.ndarray):
+        check_points("an observer", points, mask, scene.prescribed.shape[0])
 
 
 def check_observers(scene: Scene, observers: dict[str, Any]) -> None:
@@ -48,10 +46,11 @@ class Probe(eqx.Module):
     """u (points named, dim) [length]."""
 
     points: np.ndarray
+    mask: int | None = eqx.field(static=True)
 
     def check(self, scene: Scene) -> None:
         """Refuse points that the body does not have."""
-        _check_points(self.points, scene)
+        _check_points(self.points, self.mask, scene)
 
     def __call__(self, scene: Scene, now: Snapshot) -> Float[Array, "named dim"]:
         return now.u[self.points]
@@ -61,10 +60,11 @@ class Reaction(eqx.Module):
     """Σ R (dim,) [force]: the force that supports exert on the points named; zero on free components."""
 
     points: np.ndarray
+    mask: int | None = eqx.field(static=True)
 
     def check(self, scene: Scene) -> None:
         """Refuse points that the body does not have."""
-        _check_points(self.points, scene)
+        _check_points(self.points, self.mask, scene)
 
     def __call__(self, scene: Scene, now: Snapshot) -> Float[Array, " dim"]:
         held = jnp.ones(now.u.size, bool).at[scene.unknowns].set(False).reshape(now.u.shape)
@@ -72,13 +72,14 @@ class Reaction(eqx.Module):
 
 
 class SectionForce(eqx.Module):
-    """F (dim,) [force] through the section beyond which the points named lie."""
+    """F (dim,) [force] through the section beyond which the points named lie, in a body of `mask` points."""
 
     beyond: np.ndarray
+    mask: int | None = eqx.field(static=True)
 
     def check(self, scene: Scene) -> None:
         """Refuse points that the body does not have."""
-        _check_points(self.beyond, scene)
+        _check_points(self.beyond, self.mask, scene)
 
     def __call__(self, scene: Scene, now: Snapshot) -> Float[Array, " dim"]:
         internal = now.force - now.factor * scene.families.volumes[:, None] * scene.load
@@ -87,12 +88,12 @@ class SectionForce(eqx.Module):
 
 def probe(points) -> Probe:
     """Displacements of the points named (a mask or point numbers) [length]."""
-    return Probe(point_numbers(points))
+    return Probe(*point_numbers(points))
 
 
 def reaction(points) -> Reaction:
     """The force of the supports on the points named [force], all together."""
-    return Reaction(point_numbers(points))
+    return Reaction(*point_numbers(points))
 
 
 def section_force(body: Points, position: float, axis: int = 0) -> SectionForce:
@@ -113,4 +114,4 @@ def section_force(body: Points, position: float, axis: int = 0) -> SectionForce:
         raise ValueError(
             f"a section at {position} leaves one side empty: the body's points lie in {x.min()}, {x.max()}"
         )
-    return SectionForce(beyond)
+    return SectionForce(beyond, len(x))

@@ -22,7 +22,7 @@ from jaxtyping import Array, Bool, Float, Int
 from scipy.sparse.csgraph import connected_components
 
 from ._checks import deformation_gradient, is_concrete
-from .conditions import BodyForce, Condition, HomogeneousTraction, Prescribed, TotalForce
+from .conditions import BodyForce, Condition, HomogeneousTraction, Prescribed, TotalForce, check_points
 from .force import body_bonds, force_density
 from .models.base import AbstractModel
 from .neighbours import Families
@@ -81,11 +81,7 @@ def _spread(value: Array, shape: tuple[int, int], name: str) -> Array:
 
 
 def _check_points(condition: Condition, points: int) -> np.ndarray:
-    p = condition.points
-    if p.min() < 0 or p.max() >= points:
-        bad = int(p[(p < 0) | (p >= points)][0])
-        raise ValueError(f"{type(condition).__name__} names point {bad}; the body has points 0 to {points - 1}")
-    return p
+    return check_points(type(condition).__name__, condition.points, condition.mask, points)
 
 
 def _prescribe(conditions: Sequence[Condition], shape: tuple[int, int], eps: float) -> tuple[np.ndarray, Array]:

@@ -338,3 +338,17 @@ def test_a_load_that_is_zero_where_held_is_accepted():
     assert worst(roller.load[2], np.array([0.0, 0.5])) == 0
     with pytest.raises(ValueError, match="component 0 of point 2 is prescribed and loaded"):
         pd.scene(PLATE, AROUND, SVK, pd.prescribe(0), pd.prescribe(2, 0.0, 0), pd.body_force([2], [0.5, 0.5]))
+
+
+def test_a_mask_of_another_body_is_refused():
+    """A mask is as long as the body: one that is shorter would hold the wrong points without a word."""
+    body = pd.bar(12, 12.0)
+    fams, model = pd.families(body, 3.0), pd.SethHill(1.0, pd.LinearElastic(lam=1.0, mu=0.0))
+    short, ends = np.arange(10) > 6, np.isin(np.arange(12), (0, 11))
+    with pytest.raises(ValueError, match="Prescribed has a mask of 10 points; the body has 12"):
+        pd.scene(body, fams, model, pd.prescribe(short, 0.0))
+    with pytest.raises(ValueError, match="BodyForce has a mask of 10 points; the body has 12"):
+        pd.scene(body, fams, model, pd.prescribe(ends, 0.0), pd.body_force(short, 0.1))
+    still = pd.motion(pd.scene(body, fams, model, pd.prescribe(ends, 0.0)))
+    with pytest.raises(ValueError, match="an observer has a mask of 10 points; the body has 12"):
+        pd.simulate(still, 1.0, dt=0.1, observers={"probe": pd.observers.probe(short)}, show_progress=False)
