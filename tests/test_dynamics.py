@@ -332,6 +332,8 @@ BAD = [
     (lambda b: pd.simulate(pd.motion(b), 1.0, dt=0.0), "dt must be finite"),
     (lambda b: pd.simulate(pd.motion(b), 1.0, save_every=0), "save_every must be"),
     (lambda b: pd.simulate(pd.motion(b), 1.0, resume=True), "resume needs checkpoint"),
+    (lambda b: pd.simulate(pd.motion(b), 1.0, checkpoint_every=True), "checkpoint_every must be a whole number"),
+    (lambda b: pd.simulate(pd.motion(b), 1.0, checkpoint_every=0), "whole number of saves >= 1; got 0"),
     (lambda b: pd.simulate(pd.motion(b, schedule=lambda t: 1 / (0.5 - t)), 1.0), "at t = 0.5"),
     (lambda b: pd.observers.section_force(b.body, 99.0), "leaves one side empty"),
     (lambda b: pd.observers.section_force(b.body, 1.0, axis=1), "axis must lie"),
@@ -352,3 +354,14 @@ BAD = [
 def test_bad_input_is_named(work, words):
     with pytest.raises(ValueError, match=words):
         work(driven_bar().scene)
+
+
+def test_a_run_far_beyond_its_duration_is_said():
+    with pytest.warns(UserWarning, match=r"goes on to t = 100, beyond the duration 8: .* save_every = 1000 steps"):
+        history = pd.simulate(pd.motion(driven_bar().scene), 8.0, dt=0.1, save_every=1000, show_progress=False)
+    assert history.times[-1] == pytest.approx(100.0)
+
+
+def test_works_that_are_not_tracked_are_said_to_be():
+    history = pd.simulate_diffrax(pd.motion(driven_bar().scene, damping=0.1), 1.0, dt=0.1, saves=2)
+    assert "works are not tracked" in str(history) and "nan" not in str(history)

@@ -73,8 +73,9 @@ def load(path: str | os.PathLike, name: str, like: Any) -> tuple[State, list[Any
         raise ValueError(f"checkpoint {path} was written by pdjax {version}, this is {VERSION}: start the run anew")
     if found != name:
         raise ValueError(
-            f"checkpoint {path} belongs to another run: its scene, model, density, schedule, observers, dt or"
-            " save_every differ from this one's"
+            f"checkpoint {path} belongs to another run: its scene, model, density, schedule, observers, fields, dt or"
+            " save_every differ from this one's (their defaults depend on the duration: to go on to a longer one, give"
+            " both from the start), or another version of JAX wrote it"
         )
     state = State(*(jnp.asarray(arrays[f"state_{k}"]) for k in State._fields))
     leaves, structure = jax.tree.flatten(like)

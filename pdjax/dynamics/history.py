@@ -71,9 +71,14 @@ class History(eqx.Module):
 
     def __str__(self) -> str:
         error = float(np.max(np.abs(np.asarray(self.energies.error))))
+        said = f"energy error {error:.1e} of the largest"
+        if np.isnan(np.asarray(self.energies.strain)).all():
+            said = "a model without an energy, so no energy error"
+        elif np.isnan(np.asarray(self.energies.supports)).all():
+            said = "works are not tracked, so no energy error"
         return (
             f"motion: {self.reason}\n  {int(self.steps)} steps of {float(self.dt):.6g} to"
-            f" t = {float(self.times[-1]):.6g}, {len(self.times) - 1} saves; energy error {error:.1e} of the largest"
+            f" t = {float(self.times[-1]):.6g}, {len(self.times) - 1} saves; {said}"
         )
 
 

@@ -145,6 +145,17 @@ def _warn_above(motion: Motion, dt: float) -> None:
         )
 
 
+def _warn_beyond(duration: float, dt: float, saves: int, every: int) -> None:
+    """A run ends at a save: one that is far beyond what was asked is said."""
+    end = saves * every * dt
+    if end > 1.1 * duration and every > 1:
+        warnings.warn(
+            f"the run goes on to t = {end:.6g}, beyond the duration {duration:.6g}: it ends at a save, and save_every ="
+            f" {every} steps of {dt:.6g} take {every * dt:.6g}; a smaller save_every ends it nearer",
+            stacklevel=4,
+        )
+
+
 class _Keeper:
     """Writes checkpoints, every so many saves, and no more often than costs a twentieth of the run."""
 
@@ -252,8 +263,8 @@ def simulate(
     """
     if not isinstance(motion, Motion):
         raise ValueError(f"motion must be a Motion (pdjax.motion or a moving scene); got {type(motion).__name__}")
-    if checkpoint_every < 1:
-        raise ValueError(f"checkpoint_every must be at least one save; got {checkpoint_every!r}")
+    if isinstance(checkpoint_every, bool) or not isinstance(checkpoint_every, int | np.integer) or checkpoint_every < 1:
+        raise ValueError(f"checkpoint_every must be a whole number of saves >= 1; got {checkpoint_every!r}")
     if resume and checkpoint is None:
         raise ValueError("resume needs checkpoint: the file to go on from")
     observers = {} if observers is None else observers
@@ -266,6 +277,7 @@ def simulate(
     check_schedule(motion, jnp.linspace(0, saves * every * dt, 1025).astype(motion.start.dtype))
     if given:
         _warn_above(motion, dt)
+        _warn_beyond(run_length(motion, duration), dt, saves, every)
     history = _watch(motion, observers, dt, saves, every, fields, checkpoint, checkpoint_every, resume, show_progress)
     if throw and not history.finished:
         raise RuntimeError(f"the motion of the {motion.scene.name} ended early: {history.reason}")
