@@ -80,3 +80,7 @@ def test_figures_of_motion_draw_the_numbers():
     figure = pd.figures.cuboid(runs, "title", field)
     assert np.allclose(figure.axes[0].lines[0].get_xdata(), 100 * k)
     assert sum(bool(a.images) for a in figure.axes) == 3
+    field["u"] = np.outer(np.linspace(0, 1, 30), [1.0, 0.5, 1e-13])  # rounding is drawn on the scale of what moves
+    figure = pd.figures.cuboid(runs, "title", field)
+    limits = {a.images[0].get_clim() for a in figure.axes if a.images}
+    assert len(limits) == 1 and "zero to rounding: u_z" in figure.subfigs[1].get_suptitle()

@@ -17,6 +17,7 @@ from ..dynamics.history import History
 from ..problem import Scene
 from .still import COLOURS
 
+ZERO = 1e-9  # of the largest displacement: what rounding leaves of a component that symmetry forbids (seen: 1e-12)
 PALETTE = ("#000000", "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 
 
@@ -91,10 +92,13 @@ def cuboid(runs: dict[str, dict[str, Any]], title: str, field: dict[str, Any] | 
         shape, h = field["shape"], field["spacing"]
         u = np.asarray(field["u"]).reshape(*shape, 3)
         columns = lower.subplots(3, 1, sharex=True)
-        lower.suptitle(f"{field['name']}: displacement on the plane z = centre", fontsize=9)
+        planes = np.moveaxis(u[:, :, shape[2] // 2], -1, 0) / h
+        limit = float(np.abs(planes).max()) or 1.0  # one scale: rounding must not look like a displacement
+        zero = [f"u_{axis}" for axis, plane in zip("xyz", planes, strict=True) if np.abs(plane).max() < ZERO * limit]
+        said = f"; zero to rounding: {', '.join(zero)}" if zero else ""
+        lower.suptitle(f"{field['name']}: displacement on the plane z = centre, one scale{said}", fontsize=9)
         for k, on in enumerate(columns):
-            plane = u[:, :, shape[2] // 2, k].T / h
-            limit = float(np.abs(plane).max()) or 1.0
+            plane = planes[k].T
             image = on.imshow(
                 plane,
                 origin="lower",
