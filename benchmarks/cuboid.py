@@ -3,7 +3,7 @@
 A 4 × 1 × 1 body is pulled and pushed at a constant rate. Alternation between neighbours (¼ second differences, root
 mean square, over h) tells when a run goes bad; its onset is where it passes ONSET. The prediction is linear: the
 alternation at START, times exp ∫ γ dt with the growth rate γ = √(λ_max/ρ) of the symbol on the path of uniaxial stress,
-and of the body's own Jacobian in the homogeneous state of that stress.
+and of the alternating modes of the body's own Jacobian in the homogeneous state of that stress.
 """
 
 import jax
@@ -12,6 +12,7 @@ import numpy as np
 import scipy.sparse.linalg
 from _harness import write
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
 import pdjax as pd
 from pdjax._run_motions import roughness
@@ -23,6 +24,8 @@ LAW = pd.LinearElastic(lam=1.0, mu=1.0)
 MODULUS = 2.5  # Young's, for lam = mu = 1
 FAMILY = pd.lattice_family(3, 3)
 ONSET, START = 3e-2, 1e-2  # alternation over h; strain from which the prediction runs
+BEAR = (0.75, 1.0, 1.5, 2.0)  # orders whose critical tension is found
+ALTERNATES = 0.25  # alternation of a mode over its size: measured 0.5 and more, or 0.06 and less
 STRAINS = np.array([0.002, 0.005, 0.01, 0.02, 0.04, 0.07, 0.1])
 
 
@@ -69,8 +72,12 @@ def growth(model, sign: float, strains=STRAINS) -> np.ndarray:
     return np.array(rates)
 
 
-def growth_of_body(model, sign: float, shape) -> np.ndarray:
-    """γ of the body itself, its middle held by the ends, in the homogeneous state of uniaxial stress."""
+def growth_of_body(model, sign: float, shape) -> tuple[np.ndarray, np.ndarray]:
+    """γ of the body itself, its middle held by the ends, in the homogeneous state of uniaxial stress.
+
+    Of its modes that alternate between neighbours, and of its smooth ones (a column that buckles, a spin about x):
+    only the first are what `roughness` sees, and no smooth one is taken for them.
+    """
     motion = pd.scenes.cuboid(shape, 3, sign * 0.1, 0.005, model)
     body = motion.scene.body
     centre = body.positions - body.positions.mean(axis=0)
@@ -79,9 +86,19 @@ def growth_of_body(model, sign: float, shape) -> np.ndarray:
         F = np.asarray(pd.uniaxial_stress(strain, model, FAMILY))
         u = jnp.asarray(centre @ (F - np.eye(3)).T)
         A = matrix(motion.scene, u, float(abs(strain) / 0.1)) / float(body.volumes[0])
-        top = scipy.sparse.linalg.eigsh(A, k=1, which="LA", tol=1e-4, return_eigenvectors=False)[0]
-        rates.append(max(float(top), 0.0) ** 0.5)
-    return np.array(rates)
+        values, modes = scipy.sparse.linalg.eigsh(A, k=4, which="LA", tol=1e-4)
+        fields = np.zeros((4, len(body) * 3))
+        fields[:, np.asarray(motion.scene.unknowns)] = modes.T
+        fields = fields.reshape(4, len(body), 3)
+        size = np.sqrt(np.mean(np.sum(fields**2, axis=2), axis=1))
+        rough = np.max([roughness(fields, shape, k) for k in range(3)], axis=0) / size > ALTERNATES
+        grows = values > 1e-8 * float(pd.p_wave_modulus(model, FAMILY)) * shape[-1] ** 2
+        if grows.all() and not rough.any():
+            raise RuntimeError(f"four smooth modes grow at {strain:+g}: look at more of them")
+        rates.append([np.sqrt(np.max(values, where=grows & which, initial=0.0)) for which in (rough, ~rough)])
+        print(f"body at {strain:+g}: {values}, alternating {rough}", flush=True)
+    alternating, smooth = np.array(rates).T
+    return alternating, smooth
 
 
 def predicted(run: dict, rates: np.ndarray, rate: float, per_side: float = 1.0) -> tuple[np.ndarray, float | None]:
@@ -91,7 +108,8 @@ def predicted(run: dict, rates: np.ndarray, rate: float, per_side: float = 1.0) 
     exponent = np.concatenate([[0], np.cumsum(0.5 * (gamma[1:] + gamma[:-1]) * np.diff(strain))]) / rate
     worst = np.max(list(run["alternation over h"].values()), axis=0)
     first = int(np.searchsorted(strain, START))
-    curve = worst[first] * np.exp(exponent - exponent[first])
+    with np.errstate(over="ignore"):
+        curve = worst[first] * np.exp(exponent - exponent[first])
     over = np.flatnonzero((curve > ONSET) & (np.arange(len(curve)) > first))
     return curve, float(strain[over[0]]) if len(over) else None
 
@@ -118,13 +136,13 @@ def main() -> None:
     shape, rate = (28, 7, 7), 0.005
     side = shape[-1]  # the symbol's rates are per unit of h/c, the body's side is 1
     models = {"m = 0": pd.SethHill(0.0, LAW), "m = 1": pd.SethHill(1.0, LAW), "Silling": pd.Correspondence(LAW)}
-    runs, gammas, own = {}, {}, {}
+    runs, gammas, own, smooth = {}, {}, {}, {}
     for name, model in models.items():
         for sign in (1.0, -1.0):
             key = f"{name}, {'tension' if sign > 0 else 'compression'}"
             runs[key] = pull(model, sign * 0.1, rate, shape)
             gammas[key] = side * growth(model, sign)
-            own[key] = growth_of_body(model, sign, shape)
+            own[key], smooth[key] = growth_of_body(model, sign, shape)
     halved = {
         side_name: pull(models["m = 0"], sign * 0.1, rate, shape, halved=True)
         for side_name, sign in (("tension", 1.0), ("compression", -1.0))
@@ -143,7 +161,9 @@ def main() -> None:
         (float(m), *(float(growth(pd.SethHill(float(m), LAW), s, (0.04,))[0]) for s in (1.0, -1.0))) for m in orders
     ]
 
-    figure = Figure(figsize=(11.4, 7.6), layout="constrained")
+    loads = {m: float(pd.critical_load(pd.SethHill(m, LAW), FAMILY, pd.uniaxial_stress, side="positive")) for m in BEAR}
+
+    figure = Figure(figsize=(11.4, 7.8), layout="constrained")
     axes = figure.subplots(2, 3)
     shades = {"m = 0": COLOURS["symbol"], "m = 1": COLOURS["local"], "Silling": COLOURS["diagonal"]}
     table = {}
@@ -153,7 +173,7 @@ def main() -> None:
         strain = 100 * np.array(run["strain"])
         axes[row, 0].plot(strain, run["force over E0 A"], color=shades[name], linewidth=1.2, label=name)
         worst = np.max(list(run["alternation over h"].values()), axis=0)
-        axes[row, 1].semilogy(strain[1:], worst[1:], color=shades[name], linewidth=1.4, label=f"{name}, seen")
+        axes[row, 1].semilogy(strain[1:], worst[1:], color=shades[name], linewidth=1.4)
         curve, by_symbol = predicted(run, gammas[key], rate)
         again, by_body = predicted(run, own[key], rate)
         axes[row, 1].semilogy(strain[1:], curve[1:], "--", color=shades[name], linewidth=0.9)
@@ -165,6 +185,12 @@ def main() -> None:
             "growth rate of the take-off": take_off(run, gammas[key], rate),
             "symbol's growth rates": dict(zip((100 * STRAINS).round(3).tolist(), gammas[key].tolist(), strict=True)),
             "body's growth rates": dict(zip((100 * STRAINS).round(3).tolist(), own[key].tolist(), strict=True)),
+            "its smooth modes' growth rates": dict(
+                zip((100 * STRAINS).round(3).tolist(), smooth[key].tolist(), strict=True)
+            ),
+            "their growth over the run, exponent": float(
+                np.trapezoid(np.r_[0.0, smooth[key]], np.r_[0.0, STRAINS]) / rate
+            ),
             "finished": run["finished"],
             "energy error": run["energy error"],
             "steps": run["steps"],
@@ -172,26 +198,35 @@ def main() -> None:
     for where, run in halved.items():
         row = 0 if where == "tension" else 1
         strain = 100 * np.array(run["strain"])
-        axes[row, 0].plot(strain, run["force over E0 A"], ":", color=shades["m = 0"], label="m = 0, half the step")
+        every = slice(None, None, 6)
+        force = np.array(run["force over E0 A"])
+        ring = {"mfc": "none", "mec": "#000000", "ms": 4.5, "mew": 0.8, "zorder": 5}
+        axes[row, 0].plot(strain[every], force[every], "o", label="m = 0, half the step", **ring)
         table[f"m = 0, {where}, half the step"] = {"onset seen": run["onset"], "steps": run["steps"]}
     for row, where in enumerate(("tension", "compression")):
         axes[row, 0].set_title(f"{where}: force", fontsize=10)
         axes[row, 0].set_ylabel("force / (E₀ A)  [–]")
-        axes[row, 1].set_title("seen (full), predicted by symbol (dashed), by body (dotted)", fontsize=9)
+        axes[row, 1].set_title(f"{where}: alternation between neighbours", fontsize=10)
         axes[row, 1].axhline(ONSET, color="#888888", linewidth=0.7)
         axes[row, 1].set_ylim(1e-7, 3)
         axes[row, 1].set_ylabel("alternation / h  [–]")
         for on in axes[row, :2]:
             on.set_xlabel("strain of the ends  [%]")
-            on.legend(frameon=False, fontsize=8)
     u = runs["m = 0, compression"]["_u"].reshape(*shape, 3) * side
+    mirror = float(np.abs(u[..., 1] - np.swapaxes(u[..., 2], 1, 2)).max())
     for row, k in enumerate((0, 1)):
         plane = u[:, :, shape[2] // 2, k].T
         limit = np.abs(plane).max()
         image = axes[row, 2].imshow(plane, origin="lower", cmap="RdBu_r", vmin=-limit, vmax=limit, extent=(0, 4, 0, 1))
         axes[row, 2].set_title(f"m = 0 at −10 %: u_{'xy'[k]} / h, plane z = ½", fontsize=9)
         axes[row, 2].set_xlabel("x / side  [–]")
+        axes[row, 2].set_ylabel("y / side  [–]")
         figure.colorbar(image, ax=axes[row, 2], shrink=0.6)
+    handles, words = axes[0, 0].get_legend_handles_labels()
+    for style, word in (("-", "seen"), ("--", "predicted by the symbol"), (":", "by the body's alternating modes")):
+        handles.append(Line2D([], [], color="#555555", linestyle=style, linewidth=1.2))
+        words.append(word)
+    figure.legend(handles, words, loc="outside lower center", ncols=7, fontsize=8.5, frameon=False)
     figure.suptitle(f"Cuboid {shape}, N = 3, λ = μ = ρ = 1, strain rate {rate:g}", fontsize=11)
     for run in [*runs.values(), *halved.values()]:
         run.pop("_u")
@@ -204,6 +239,10 @@ def main() -> None:
             "prediction starts at strain": START,
             "onsets": table,
             "onset of m = 0 in compression at other rates": slower,
+            "critical tension of the symbol in uniaxial stress over the order": {
+                str(m): a if np.isfinite(a) else "none to +100 %" for m, a in loads.items()
+            },
+            "m = 0 at -10 %: largest difference of u_y and mirrored u_z, over h": mirror,
             "growth rate of the symbol at 4 % over the order: (m, tension, compression), h = c = 1": least,
         },
         figure,
