@@ -57,6 +57,38 @@ def strength_needed(kind, m, fam, a: float, intervals: int) -> float:
     return float(grid[int(np.argmax(~flags))])
 
 
+def draw(numbers: dict) -> Figure:
+    """Critical strain against strength: rows by dimension, columns by control; what never fails lies on the frame."""
+    dims = sorted({case["dim"] for case in numbers["cases"]})
+    figure = Figure(figsize=(9.2, 3.5 * len(dims) + 0.6), layout="constrained")
+    axes = figure.subplots(len(dims), 2, squeeze=False, sharex=True)
+    for case in numbers["cases"]:
+        if case["control"] not in CONTROLS:
+            continue
+        ax = axes[dims.index(case["dim"]), list(CONTROLS).index(case["control"])]
+        for side, style in (("negative", "-"), ("positive", "--")):
+            shown = np.clip(100 * np.array(case["critical"][side], dtype=float), -90, 100)
+            ax.plot(numbers["strengths"], shown, style, color=COLOUR[case["m"]], lw=1.6)
+    for row, dim in enumerate(dims):
+        for column, name in enumerate(CONTROLS):
+            ax = axes[row, column]
+            ax.axhline(100 * numbers[f"law {dim}D"]["negative"], color="black", lw=0.9, ls=":")
+            ax.set_xscale("log")
+            ax.set_ylim(-90, 100)
+            ax.set_title(f"{dim}D, N = 3, {name.split()[0]}", fontsize=9)
+            ax.set_ylabel("critical hydrostatic strain [%]")
+            if row == len(dims) - 1:
+                ax.set_xlabel(f"strength {name.split()[1]} [-]")
+    for m, colour in COLOUR.items():
+        axes[0, 0].plot([], [], color=colour, label=f"m = {m:g}")
+    axes[0, 0].plot([], [], color="gray", label="compression")
+    axes[0, 0].plot([], [], "--", color="gray", label="tension")
+    axes[0, 0].plot([], [], ":", color="black", label="the law's own (m = 1)")
+    handles = axes[0, 0].get_legend_handles_labels()
+    figure.legend(*handles, loc="outside lower center", ncols=7, fontsize=8, frameon=False)
+    return figure
+
+
 def main() -> None:
     parser = argparse.ArgumentParser()
     parser.add_argument("--quick", action="store_true", help="2D alone, four strengths")
@@ -64,9 +96,7 @@ def main() -> None:
     strengths = np.geomspace(1e-3, 10, 4 if quick else 9)
     numbers: dict = {"law": "LinearElastic(1, 1)", "N": 3, "strengths": strengths.tolist(), "cases": []}
     dims = (2,) if quick else (2, 3)
-    figure = Figure(figsize=(4.6 * 2, 3.7 * len(dims)), layout="constrained")
-    axes = figure.subplots(len(dims), 2, squeeze=False, sharex=True)
-    for row, dim in enumerate(dims):
+    for dim in dims:
         fam = pd.lattice_family(dim, 3)
         intervals = {2: 18, 3: 10}[dim]
         own = {
@@ -78,7 +108,7 @@ def main() -> None:
                 side: float(pd.critical_load(pd.SethHill(m, LAW), fam, side=side, resolution=intervals))
                 for side in ("negative", "positive")
             }
-            for column, (name, kind) in enumerate(CONTROLS.items()):
+            for name, kind in CONTROLS.items():
                 case = {"dim": dim, "m": m, "control": name, "bare": bare, "critical": {}, "needed": {}}
                 for side, sign in (("negative", -1), ("positive", 1)):
                     found = [
@@ -88,10 +118,6 @@ def main() -> None:
                     case["critical"][side] = found
                     for a in STATES:
                         case["needed"][f"{100 * sign * a:+g} %"] = strength_needed(kind, m, fam, sign * a, intervals)
-                    # infinite: beyond the edge of the picture
-                    shown = np.clip(100 * np.array(found), -95, 105)
-                    style = "-" if side == "negative" else "--"
-                    axes[row, column].plot(strengths, shown, style, color=COLOUR[m], lw=1.6)
                 numbers["cases"].append(case)
             wan = pd.SethHill(m, LAW, pd.WanControl())
             numbers["cases"].append(
@@ -104,22 +130,7 @@ def main() -> None:
                 }
             )
         numbers[f"law {dim}D"] = own
-        for column, name in enumerate(CONTROLS):
-            ax = axes[row, column]
-            ax.axhline(100 * own["negative"], color="black", lw=0.9, ls=":")
-            ax.set_xscale("log")
-            ax.set_ylim(-100, 110)
-            ax.set_title(f"{dim}D, N = 3, {name.split()[0]}", fontsize=9)
-            ax.set_ylabel("critical hydrostatic strain [%]")
-            if row == len(dims) - 1:
-                ax.set_xlabel(f"strength {name.split()[1]} [-]")
-    for m, colour in COLOUR.items():
-        axes[0, 0].plot([], [], color=colour, label=f"m = {m:g}")
-    axes[0, 0].plot([], [], color="gray", label="compression")
-    axes[0, 0].plot([], [], "--", color="gray", label="tension")
-    axes[0, 0].plot([], [], ":", color="black", label="the law's own (m = 1)")
-    axes[0, 0].legend(frameon=False, fontsize=7.5, ncols=2, loc="center left")
-    write("stabilisers-quick" if quick else "stabilisers", numbers, figure)
+    write("stabilisers-quick" if quick else "stabilisers", numbers, draw(numbers))
 
 
 if __name__ == "__main__":
