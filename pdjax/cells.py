@@ -188,7 +188,7 @@ def cell_stability(
     steps = [np.arange(0 if axis == 0 else -intervals + 1, intervals + 1) for axis in range(fams.dim)]
     index = np.stack([g.reshape(-1) for g in np.meshgrid(*steps, indexing="ij")], axis=1)
     k = np.pi * index / intervals / period
-    J = np.asarray(cell_symbol(model, fams, F, k, u))
+    J = np.array(cell_symbol(model, fams, F, k, u))  # a copy: translations are moved in it
     kappa2 = np.sum((2 / period * np.sin(k * period / 2)) ** 2, axis=1)
     still = (index == 0).all(axis=1)
     kappa2[still] = np.sum((2 * np.pi / period) ** 2)

@@ -181,7 +181,8 @@ def stability_map(
     settings = {
         "dim": dim,
         "N": horizons.tolist(),
-        "law": law_label(law) if law is not None else getattr(model, "__name__", type(first).__name__),
+        "model": "SethHill by order" if model is None else type(first).__name__,
+        "law": law_label(law) if law is not None else type(first).__name__,
         "path": getattr(path, "__name__", repr(path)),
         "criterion": criterion,
         "influence": getattr(influence, "__name__", repr(influence)),

@@ -82,6 +82,8 @@ def _zero(axes: Axes, m, a, values, colour: str, style) -> bool:
 def _printed(grid: StabilityMap, N: float) -> np.ndarray | None:
     """The paper's bracket over the grid where it prints one: hydrostatic load, linear law, 1D and 2D."""
     settings = grid.settings
+    if settings.get("model", "SethHill by order") != "SethHill by order":
+        return None
     if settings.get("path") != "hydrostatic" or N != int(N) or settings["influence"] != "constant_influence":
         return None
     bracket = {
@@ -135,7 +137,8 @@ def stability_map(grid: StabilityMap, horizon: int = 0) -> Figure:
         if printed is not None:
             line(axes[-1], "printed", grid.m, grid.a, printed, "--", "diagonal, as printed in the paper")
     for on in axes:
-        on.set_xlabel("order m of the Seth–Hill strain  [–]")
+        mine = settings.get("model", "SethHill by order")
+        on.set_xlabel("order m of the Seth–Hill strain  [–]" if mine == "SethHill by order" else f"parameter of {mine}")
         on.set_xlim(grid.m.min(), grid.m.max())
         on.set_ylim(grid.a.min(), grid.a.max())
     axes[0].set_ylabel(f"{settings['path'].replace('_', ' ')} load a  [%]")
