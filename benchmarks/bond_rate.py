@@ -5,11 +5,14 @@ the arrays that an evaluation reads (families) and the temporaries that the comp
 bandwidth of a plain copy is the time that memory alone would take.
 """
 
+from pathlib import Path
+
 import jax
 import jax.numpy as jnp
 import numpy as np
 from _harness import timed, write
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullFormatter
 
 import pdjax as pd
 from pdjax.figures import COLOURS
@@ -26,6 +29,16 @@ def bandwidth() -> float:
     b = np.empty_like(a)
     spent = timed(lambda: np.copyto(b, a), repeats=5)
     return 2 * a.nbytes / spent["median"]
+
+
+def caches() -> dict[str, float]:
+    """Megabytes of the caches of data of the first core, where the system tells."""
+    sizes = {}
+    for place in sorted(Path("/sys/devices/system/cpu/cpu0/cache").glob("index*")):
+        level, kind, size = ((place / name).read_text().strip() for name in ("level", "type", "size"))
+        if kind != "Instruction":
+            sizes[f"L{level}"] = int(size.rstrip("K")) * 1024 / 1e6
+    return sizes
 
 
 def one(model, n: int, rate: float) -> dict:
@@ -63,11 +76,29 @@ def main() -> None:
         )
         floor = [r["bonds"] / r["seconds by memory alone"] / 1e6 for r in line]
         axes.loglog(size, floor, "--", color=shade, lw=1.0, label=f"{name}, if memory alone set the pace")
+    known = caches()
+    for name, size in known.items():
+        if size > 0.5:  # the first level holds none of these bodies
+            axes.axvline(size, color="#888888", linewidth=0.8)
+            axes.annotate(
+                name, (size, 1), xycoords=("data", "axes fraction"), xytext=(3, -11), textcoords="offset points"
+            )
+    axes.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_major_formatter("{x:g}")
+        axis.set_minor_formatter(NullFormatter())
     axes.set_xlabel("memory that one evaluation touches  [MB]")
     axes.set_ylabel("million bond updates per second")
     axes.set_title("Force density of a cube, N = 3, float64, padded families", fontsize=10)
     axes.legend(frameon=False, fontsize=8)
-    write("bond_rate", {"copy bandwidth, GB/s": rate / 1e9, "force density": rows}, figure)
+    ratio = {n: [r["seconds"] / r["seconds by memory alone"] for r in line] for n, line in rows.items()}
+    numbers = {
+        "copy bandwidth, GB/s": rate / 1e9,
+        "caches, MB": known,
+        "time over that by memory alone": ratio,
+        "force density": rows,
+    }
+    write("bond_rate", numbers, figure)
 
 
 if __name__ == "__main__":
