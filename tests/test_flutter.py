@@ -62,6 +62,17 @@ def test_derivative_of_a_margin_without_energy():
     assert float(slope) == pytest.approx(float(margin(1 + h) - margin(1 - h)) / (2 * h), rel=1e-6)  # 1e-9
 
 
+def test_surfaces_make_the_published_force_unstable_at_rest():
+    """Inside a lattice it is stable; a small resting body of it grows, that of the energy-consistent form does not."""
+    fams = pd.families(pd.lattice((6, 5)), 2.0)
+    rates = []
+    for model in (pd.BondAssociatedForce(LAW), pd.BondAssociated(LAW)):
+        assert pd.stability(model, pd.lattice_family(2, 2), jnp.eye(2)).verdict == "stable"
+        values = np.linalg.eigvals(np.asarray(pd.jacobian(model, fams, np.zeros((30, 2)), "dense")))
+        rates.append(np.sqrt(values.astype(complex)).real.max())
+    assert rates[0] > 0.1 and rates[1] < 1e-5, rates  # 0.69, 2e-8
+
+
 def test_dispersion_and_bodies_refuse():
     fam = pd.lattice_family(1, 2)
     with pytest.raises(ValueError, match="no energy"):
