@@ -24,7 +24,7 @@ from ..kinematics import log_stretch, seth_hill
 from ..neighbours import Bonds, Family
 from .base import PointStateModel
 from .control import micromodulus
-from .plane import plane_bulk_modulus
+from .plane import bulk_and_shear, plane_bulk_modulus
 
 FREE_SHEAR = {3: 0.6, "strain": 0.6, "stress": 0.375}  # G/K at the one Poisson's ratio, ¼, ¼ and ⅓
 
@@ -59,6 +59,20 @@ class BondBased(PointStateModel):
         for name, value in (("bulk", bulk), ("horizon", horizon)):
             require(value, jnp.isfinite(value) & (value > 0), f"{name} must be finite and > 0; got {value}")
         return BondBased(micromodulus(bulk, horizon, dim))
+
+    @staticmethod
+    def from_young(young, poisson, horizon, dim: int = 3, plane: str | None = None) -> "BondBased":
+        """The springs of E [pressure] and ν [-], as `from_bulk`: ν must be the one that springs have.
+
+        Raises: ValueError for another ν (¼ in 3D and plane strain, ⅓ in plane stress), for dim 2 without a plane.
+        """
+        fixed = {3: 0.25, "strain": 0.25, "stress": 1 / 3}.get(dim if dim == 3 else plane)  # type: ignore[call-overload]
+        if fixed is None:
+            raise ValueError(f"from_young needs dim 3, or dim 2 and plane 'strain' or 'stress'; got {dim}, {plane!r}")
+        bulk, _ = bulk_and_shear(young, poisson)
+        right = jnp.abs(as_real(poisson) - fixed) <= 1e-6
+        require(bulk, right, f"springs have Poisson's ratio {fixed:.4g} here and no other; got {poisson}: LPS is free")
+        return BondBased.from_bulk(bulk, horizon, dim, plane)
 
     @staticmethod
     def from_family(bulk, fam: Family) -> "BondBased":

@@ -19,6 +19,7 @@ from .._checks import as_real, is_concrete, require
 from ..kinematics import log_stretch
 from ..neighbours import Bonds
 from .base import PointStateModel
+from .plane import bulk_and_shear, plane_bulk_modulus
 
 
 class LPS(PointStateModel):
@@ -34,6 +35,17 @@ class LPS(PointStateModel):
             value = getattr(self, name)
             if is_concrete(value):
                 require(value, jnp.isfinite(value) & (value > 0), f"{name} must be finite and > 0; got {value}")
+
+    @staticmethod
+    def from_young(young, poisson, dim: int = 3, plane: str | None = None) -> "LPS":
+        """The solid of E > 0 [pressure] and −1 < ν < ½ [-]; in 2D of plane "strain" or "stress".
+
+        Raises: ValueError for constants out of range, dim 2 without a plane, a plane in 3D.
+        """
+        bulk, shear = bulk_and_shear(young, poisson)
+        if (dim == 2) != (plane is not None) or dim not in (2, 3):
+            raise ValueError(f"from_young needs dim 3, or dim 2 and plane 'strain' or 'stress'; got {dim}, {plane!r}")
+        return LPS(bulk if plane is None else plane_bulk_modulus(bulk, shear, plane), shear)
 
     @property
     def isotropic(self) -> bool:

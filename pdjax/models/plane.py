@@ -1,5 +1,6 @@
-"""Elastic constants of plane problems: what a two-dimensional model is to be given for a solid of K and G.
+"""Elastic constants: K and G from E and ν, and what a two-dimensional model is to be given for a solid of K and G.
 
+    K = E/(3(1 − 2ν)),   G = E/(2(1 + ν))
     plane strain  k = K + G/3,     plane stress  k = 9KG/(3K + 4G)        (d-dimensional bulk modulus, d = 2)
 
 The shear modulus G is the same in both. Lamé's first constant of the plane is k − G.
@@ -18,3 +19,11 @@ def plane_bulk_modulus(bulk, shear, plane: str) -> Array:
     for name, value in (("bulk", bulk), ("shear", shear)):
         require(value, jnp.isfinite(value) & (value > 0), f"{name} must be finite and > 0; got {value}")
     return bulk + shear / 3 if plane == "strain" else 9 * bulk * shear / (3 * bulk + 4 * shear)
+
+
+def bulk_and_shear(young, poisson) -> tuple[Array, Array]:
+    """K and G [pressure] of a solid of Young's modulus E > 0 [pressure] and Poisson's ratio −1 < ν < ½ [-]."""
+    young, poisson = as_real(young), as_real(poisson)
+    require(young, jnp.isfinite(young) & (young > 0), f"young must be finite and > 0; got {young}")
+    require(poisson, (poisson > -1) & (poisson < 0.5), f"poisson must lie between -1 and 1/2; got {poisson}")
+    return young / (3 * (1 - 2 * poisson)), young / (2 * (1 + poisson))
