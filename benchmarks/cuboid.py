@@ -164,7 +164,9 @@ def main() -> None:
     loads = {m: float(pd.critical_load(pd.SethHill(m, LAW), FAMILY, pd.uniaxial_stress, side="positive")) for m in BEAR}
 
     figure = Figure(figsize=(11.4, 7.8), layout="constrained")
-    axes = figure.subplots(2, 3)
+    grid = figure.add_gridspec(6, 3)
+    axes = np.array([[figure.add_subplot(grid[3 * row : 3 * row + 3, k]) for k in range(2)] for row in range(2)])
+    pictures = [figure.add_subplot(grid[2 * k : 2 * k + 2, 2]) for k in range(3)]
     shades = {"m = 0": COLOURS["symbol"], "m = 1": COLOURS["local"], "Silling": COLOURS["diagonal"]}
     table = {}
     for key, run in runs.items():
@@ -206,7 +208,7 @@ def main() -> None:
     for row, where in enumerate(("tension", "compression")):
         axes[row, 0].set_title(f"{where}: force", fontsize=10)
         axes[row, 0].set_ylabel("force / (E₀ A)  [–]")
-        axes[row, 1].set_title(f"{where}: alternation between neighbours", fontsize=10)
+        axes[row, 1].set_title(f"{where}: alternation", fontsize=10)
         axes[row, 1].axhline(ONSET, color="#888888", linewidth=0.7)
         axes[row, 1].set_ylim(1e-7, 3)
         axes[row, 1].set_ylabel("alternation / h  [–]")
@@ -214,14 +216,14 @@ def main() -> None:
             on.set_xlabel("strain of the ends  [%]")
     u = runs["m = 0, compression"]["_u"].reshape(*shape, 3) * side
     mirror = float(np.abs(u[..., 1] - np.swapaxes(u[..., 2], 1, 2)).max())
-    for row, k in enumerate((0, 1)):
-        plane = u[:, :, shape[2] // 2, k].T
+    for on, k, across, cut in zip(pictures, range(3), "yyz", "zzy", strict=True):
+        plane = (u[:, :, shape[2] // 2, k] if cut == "z" else u[:, shape[1] // 2, :, k]).T
         limit = np.abs(plane).max()
-        image = axes[row, 2].imshow(plane, origin="lower", cmap="RdBu_r", vmin=-limit, vmax=limit, extent=(0, 4, 0, 1))
-        axes[row, 2].set_title(f"m = 0 at −10 %: u_{'xy'[k]} / h, plane z = ½", fontsize=9)
-        axes[row, 2].set_xlabel("x / side  [–]")
-        axes[row, 2].set_ylabel("y / side  [–]")
-        figure.colorbar(image, ax=axes[row, 2], shrink=0.6)
+        image = on.imshow(plane, origin="lower", cmap="RdBu_r", vmin=-limit, vmax=limit, extent=(0, 4, 0, 1))
+        on.set_title(f"m = 0 at −10 %: u_{'xyz'[k]} / h, plane {cut} = ½", fontsize=9)
+        on.set_xlabel("x / side  [–]")
+        on.set_ylabel(f"{across} / side  [–]")
+        figure.colorbar(image, ax=on, shrink=0.8)
     handles, words = axes[0, 0].get_legend_handles_labels()
     for style, word in (("-", "seen"), ("--", "predicted by the symbol"), (":", "by the body's alternating modes")):
         handles.append(Line2D([], [], color="#555555", linestyle=style, linewidth=1.2))
