@@ -279,3 +279,11 @@ def test_manufactured_plate_converges_at_second_order():
         errors.append(worst(found.u, manufactured(n).closed_form))
     assert errors[0] < 1e-3  # measured 2e-4
     assert 1.5 < np.log2(errors[0] / errors[1]) < 2.5  # 1.86
+
+
+@pytest.mark.parametrize("make", [pd.BondLevel, pd.BondLevelAverage])
+def test_the_rim_of_a_plate_is_as_wide_as_its_forces_reach(make):
+    """A third ring of points was left out of balance by 4e-4 where states of both ends count."""
+    scene = pd.scenes.clamped_plate((14, 13), 2, np.diag([1.01, 0.99]), make(pd.LinearElastic(1.0, 1.0)))
+    force = np.asarray(scene.unbalanced(scene.closed_form)).reshape(-1)[np.asarray(scene.unknowns)]
+    assert np.abs(force).max() < 1e-14  # 2e-17

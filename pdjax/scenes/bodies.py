@@ -124,13 +124,16 @@ def singular_bar(
 def clamped_plate(shape, N: float, F, model: AbstractModel, spacing: float | None = None) -> Scene:
     """A lattice of `shape` cells, 1D to 3D, whose rim of 2N points is held at u = (F − I) X: homogeneous within.
 
+    (3N points for a model whose forces reach three rings of neighbours.)
+
     Arguments: shape cells along each axis; N; F (dim, dim) [-]; model; spacing [length], 1/shape[0] by default.
     Raises: ValueError for det F ≤ 0 or a shape without interior.
     """
     N, shape = _ratio(N), tuple(int(s) for s in shape)
-    rim = 2 * math.ceil(N)
+    rings = max(2, model.rings)
+    rim = rings * math.ceil(N)
     if min(shape) <= 2 * rim:
-        raise ValueError(f"every side must have more than {2 * rim} cells, two rims of 2N; got shape {shape}")
+        raise ValueError(f"every side must have more than {2 * rim} cells, two rims of {rings}N; got shape {shape}")
     h = 1.0 / shape[0] if spacing is None else float(spacing)
     body = lattice(shape, h)
     F = deformation_gradient(F, body.dim)
