@@ -163,7 +163,11 @@ def zero_energy_waves(model: AbstractModel, fam: Family) -> np.ndarray:
     found = points[np.abs(values) <= tolerance] / np.pi
     found = found - 2 * np.round(found / 2)
     found = found[np.linalg.norm(found, axis=1) > 0.05]  # k → 0 is no mode
-    folded = -np.sort(-np.abs(found), axis=1)
+    if zone.symmetry == "cubic":
+        folded = -np.sort(-np.abs(found), axis=1)
+    else:  # a wave and its mirror image are one
+        sign = np.sign(found[np.arange(len(found)), np.argmax(np.abs(found) > 1e-6, axis=1)])
+        folded = found * sign[:, None]
     corner = np.abs(folded - np.round(folded)).max(axis=1, initial=0.0) < SAME
     folded = np.round(np.where(corner[:, None], np.round(folded), folded), 3)
     waves: list[np.ndarray] = []

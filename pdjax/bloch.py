@@ -157,6 +157,11 @@ def homogeneous_tangent(model: AbstractModel, fam: Family, F: Float[Array, "dim 
     bonds = fam.bonds(F)
     half = fam.xi.shape[0] // 2
     V = bonds.volume[0]
+    if model.needs_other_end and not model.even:
+        raise ValueError(
+            f"{type(model).__name__} needs the states of both ends and they are not even (ξ → −ξ): its symbol"
+            " is found by pdjax.cell_symbol of one point"
+        )
     if isinstance(model, TwoStageModel):
         return two_stage_tangent(linearise_two_stage(model, bonds))
     if isinstance(model, PointStateModel) and model.even:

@@ -23,7 +23,7 @@ from jaxtyping import Array, Complex
 from scipy.spatial import cKDTree
 
 from ._checks import deformation_gradient, require
-from .criteria.outcome import margin_tolerance
+from .criteria.outcome import margin_tolerance, verdicts
 from .force import Exchange, check_model, force_density, force_states, point_field
 from .influence import constant_influence
 from .models.base import AbstractModel
@@ -78,10 +78,17 @@ def _turning(fams: Families, phase: Complex[Array, "points bonds"]) -> Exchange:
 
 
 def _twice(tree, points: int):
-    """Every leaf that varies from point to point, once for the real and once for the imaginary part."""
-    return jax.tree.map(
-        lambda x: jnp.concatenate([x, x]) if eqx.is_array(x) and x.ndim and x.shape[0] == points else x, tree
-    )
+    """Every leaf once for the real and once for the imaginary part, for each point: what is shared is repeated too, so
+    that no length of a shared array can be taken for a number of points."""
+
+    def twice(x):
+        if not eqx.is_array(x):
+            return x
+        if x.ndim and x.shape[0] == points:
+            return jnp.concatenate([x, x])
+        return jnp.broadcast_to(x, (2 * points, *x.shape))
+
+    return jax.tree.map(twice, tree)
 
 
 def _symbol_at(model: AbstractModel, fams: Families, bonds: Bonds, k: Array) -> Complex[Array, "dof dof"]:
@@ -143,9 +150,10 @@ def relaxed(model: AbstractModel, fams: Families, F, tolerance: float = 1e-12, s
     T = force_density(model, fams, u, F)
     scale = float(jnp.abs(T).max())
     stiff = np.abs(np.asarray(jacobian(model, fams, u, "dense", F))).max() * float(fams.horizon)
+    rounding = 64 * float(jnp.finfo(fams.xi.dtype).eps) * stiff * float(np.abs(F - np.eye(fams.dim)).max())
     for _ in range(steps):
         f = np.asarray(force_density(model, fams, u, F)).reshape(-1)[fams.dim :]
-        if np.abs(f).max() <= tolerance * max(scale, 1e-3 * stiff * float(np.abs(F - np.eye(fams.dim)).max())):
+        if np.abs(f).max() <= max(tolerance * scale, rounding):
             return jnp.asarray(u)
         J = np.asarray(jacobian(model, fams, u, "dense", F))[fams.dim :, fams.dim :]
         u = u - np.concatenate([np.zeros(fams.dim), np.linalg.lstsq(J, f, rcond=1e-12)[0]]).reshape(u.shape)
@@ -167,10 +175,8 @@ class CellStability(eqx.Module):
 
     @property
     def verdict(self) -> str:
-        """ "stable", "marginal" or "unstable", by the margin."""
-        if self.margin > self.tolerance:
-            return "unstable"
-        return "stable" if self.margin < -self.tolerance else "marginal"
+        """ "stable", "marginal" or "unstable", by the margin; "undefined" where it is NaN."""
+        return str(verdicts(self.margin, self.tolerance))
 
 
 def cell_stability(
@@ -180,11 +186,17 @@ def cell_stability(
 
     Arguments: as `cell_symbol`; period (dim,) [length]; modulus M [pressure] that the margin is divided by, such as
         `p_wave_modulus`; intervals from 0 to π/p. A grid, not a search: a narrow unstable window can be missed.
-    Raises: ValueError for a model without an energy.
+    Raises: ValueError for a model without an energy, a modulus or period not > 0, intervals below 1.
     """
+    if not (np.isfinite(modulus) and modulus > 0):
+        raise ValueError(f"modulus must be finite and > 0; got {modulus}")
+    if not (isinstance(intervals, int) and intervals >= 1):
+        raise ValueError(f"intervals must be a whole number >= 1; got {intervals!r}")
     if not model.hyperelastic:
         raise ValueError(f"{type(model).__name__} has no energy: its symbol need not be Hermitian; see cell_symbol")
     period = np.asarray(period, dtype=float)
+    if period.shape != (fams.dim,) or not (np.isfinite(period) & (period > 0)).all():
+        raise ValueError(f"period must hold {fams.dim} finite lengths > 0; got {period}")
     steps = [np.arange(0 if axis == 0 else -intervals + 1, intervals + 1) for axis in range(fams.dim)]
     index = np.stack([g.reshape(-1) for g in np.meshgrid(*steps, indexing="ij")], axis=1)
     k = np.pi * index / intervals / period

@@ -59,10 +59,25 @@ def check_model(model: AbstractModel, fams: Family | Families) -> None:
     if fams.dim not in model.dims:
         allowed = " or ".join(f"{d}" for d in model.dims)
         raise ValueError(f"{type(model).__name__} is defined in dimension {allowed}; this family has dim {fams.dim}")
+    if isinstance(fams, Family):
+        _refuse_varying(model)
     if not is_concrete(fams, model):
         return
     with jax.ensure_compile_time_eval():  # the values are known here even while something else is traced
         _refuse_singular(model, fams)
+
+
+_ONE_NUMBER = {"c", "m", "bulk", "shear", "g", "C", "r", "lam", "mu", "factor"}
+
+
+def _refuse_varying(model: AbstractModel) -> None:
+    """On a lattice family all points are alike: a constant that varies from point to point has no meaning."""
+    for path, leaf in jax.tree_util.tree_leaves_with_path(model):
+        name = getattr(path[-1], "name", "")
+        if name in _ONE_NUMBER and np.ndim(leaf) > 0:
+            raise ValueError(
+                f"{name} of {type(model).__name__} must be one number on a lattice family; got shape {np.shape(leaf)}"
+            )
 
 
 @eqx.filter_jit
@@ -76,7 +91,7 @@ def _refuse_singular(model: AbstractModel, fams: Family | Families) -> None:
         bonds = jax.tree.map(lambda x: x[None], fams.bonds(jnp.eye(fams.dim, dtype=fams.xi.dtype)))
     else:
         bonds = fams.bonds(jnp.zeros((len(fams), fams.dim), fams.xi.dtype))
-    if model.shape_tensor(jax.tree.map(lambda x: x[0], bonds)) is None:
+    if jax.eval_shape(lambda: each_point("shape_tensor", model, bonds)) is None:
         return
     tensors = np.asarray(_shape_tensors(model, bonds), dtype=float)
     values = np.linalg.eigvalsh((tensors + tensors.mT) / 2)
@@ -245,5 +260,7 @@ def strain(model: AbstractModel, fams: Families, u, F=None) -> Float[Array, "poi
 
 
 def stress(model: AbstractModel, fams: Families, u, F=None) -> Float[Array, "points dim dim"]:
-    """The law's own stress at every point [pressure]: S = ∂Ψ/∂E for a law in E, P = ∂ψ/∂F for a law in F."""
+    """The model's stress at every point [pressure]: of `Correspondence`, `SethHill`, `TupekRadovitzky` the law's own,
+    S = ∂Ψ/∂E for a law in E and P = ∂ψ/∂F for a law in F; of all others P = Σ V T⊗ξ of the family (with the point's
+    own state at both ends of its bonds)."""
     return each_point("stress", model, body_bonds(model, fams, u, F))

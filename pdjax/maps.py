@@ -175,7 +175,8 @@ def stability_map(
     if not isinstance(first, AbstractModel):
         raise ValueError(f"model must be a function m -> pdjax model; it gave {type(first).__name__}")
     for fam in fams:
-        check_at_rest(first, fam)
+        for m in orders[: None if law is None else 1]:  # at rest the order of a Seth–Hill strain changes nothing
+            check_at_rest(make(jnp.asarray(m)), fam)
         _check_loads(loads, first, fam, path)
     zones = [family_zone(fam, path_symmetry(path, fam, first.isotropic), resolution) for fam in fams]
     settings = {

@@ -36,7 +36,7 @@ def sphere_rule(dim: int) -> tuple[np.ndarray, np.ndarray]:
 
 def continuum(model: AbstractModel, fam: Family, F: Float[Array, "dim dim"], at=None) -> Outcome:
     """λ_max(−2 Σ_n weight · B(n)) / M with unit bonds; the discretisation of `fam` plays no part but through M."""
-    if not isinstance(model, PointStateModel) or getattr(model, "control", None) is not None:
+    if not isinstance(model, PointStateModel) or getattr(getattr(model, "base", model), "control", None) is not None:
         raise ValueError(
             "criterion 'continuum' takes B(ξ) of one bond for all lengths: it needs a model with a point state and no"
             f" control of zero-energy modes; got {type(model).__name__}"

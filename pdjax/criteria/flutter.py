@@ -7,7 +7,8 @@ not real (flutter). What is compared is
 
 margin = sup over k of γ²/(M κ²), over the grid and the limit k → 0. There is no climb off the grid, for γ² jumps where
 two real roots meet; the derivative is that of the eigenvalue found, yᴴ(∂Ĵ)x/(yᴴx) with its left and right vectors.
-The largest eigenvalue reported is γ², so that √(γ²/ρ) is the rate. `jnp.linalg.eig` runs on the CPU alone.
+The eigenvalue reported of an unstable state is the largest γ² of the grid: √(γ²/ρ) is the rate. `jnp.linalg.eig` runs
+on the CPU alone.
 """
 
 import jax
@@ -35,8 +36,16 @@ def _fastest(J: Float[Array, "*waves dim dim"], unit: Float[Array, "*waves"]) ->
     return jnp.max(squares, axis=-1) / unit, jnp.argmax(squares, axis=-1)
 
 
-def search(tangent: Tangent, M: Array, fam: Family, zone: Zone) -> tuple[tuple, Array]:
-    """((wave x [1/spacing], is it the limit k → 0, right and left vectors), the largest |quotient| on the grid)."""
+def _pair(J: Float[Array, "dim dim"]) -> tuple[Array, Array]:
+    """Right and left vectors of the eigenvalue with the largest γ²."""
+    values, right = jnp.linalg.eig(J)
+    which = jnp.argmax(growth_square(values, jnp.linalg.norm(J)))
+    return right[:, which], jnp.linalg.inv(right)[which]
+
+
+def search(tangent: Tangent, M: Array, fam: Family, zone: Zone) -> tuple[tuple, tuple, Array]:
+    """Where the margin is, (wave x [1/spacing], is it the limit k → 0, right and left vectors); where γ² itself is
+    largest, (wave, right, left); the largest |quotient| on the grid."""
     h = fam.spacing
     grid = jnp.asarray(zone.grid, dtype=h.dtype)
     compass = jnp.asarray(directions(fam.dim), dtype=h.dtype)
@@ -46,11 +55,10 @@ def search(tangent: Tangent, M: Array, fam: Family, zone: Zone) -> tuple[tuple, 
     screen, _ = _fastest(J, unit)
     screen = jnp.where(jnp.isnan(screen), -jnp.inf, screen)
     i = jnp.argmax(screen)
-    values, right = jnp.linalg.eig(J[i])
-    left = jnp.linalg.inv(right)
-    which = jnp.argmax(growth_square(values, jnp.linalg.norm(J[i])))
+    j = jnp.argmax((screen * unit)[: len(grid)])
     wave = jnp.concatenate([grid, compass])[i]
-    return (wave, i >= len(grid), right[:, which], left[which]), jnp.max(jnp.abs(screen[: len(grid)]))
+    margin, fastest = (wave, i >= len(grid), *_pair(J[i])), (grid[j], *_pair(J[j]))
+    return margin, fastest, jnp.max(jnp.abs(screen[: len(grid)]))
 
 
 def quotient(tangent: Tangent, phases: Phases, right: Complex[Array, " dim"], left: Complex[Array, " dim"]) -> Array:

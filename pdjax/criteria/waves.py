@@ -101,15 +101,21 @@ def symbol(
 
 
 def _by_growth(tangent: Tangent, M: Array, fam: Family, zone: Zone, at) -> Outcome:
-    scale = jnp.ones((), M.dtype)
+    scale, fast = jnp.ones((), M.dtype), None
     if at is None:
-        at, scale = flutter.search(*jax.lax.stop_gradient((tangent, M, fam)), zone)
+        at, fast, scale = flutter.search(*jax.lax.stop_gradient((tangent, M, fam)), zone)
     x, is_long, right, left = at = jax.lax.stop_gradient(at)
     phases = _frozen_angles(_phases_at(fam, x, is_long))
     square = flutter.quotient(tangent, phases, right, left)
     eigenvalue, k = jnp.where(is_long, 0 * square, square), jnp.where(is_long, 0 * x, x)
-    mode = right.real / jnp.linalg.norm(right.real)
-    return Outcome(square / (M * phases.kappa2), eigenvalue, mode, k / fam.spacing, x / jnp.linalg.norm(x), scale, at)
+    mode, margin = right.real / jnp.linalg.norm(right.real), square / (M * phases.kappa2)
+    if fast is not None:
+        y, right, left = jax.lax.stop_gradient(fast)
+        growth = flutter.quotient(tangent, _frozen_angles(wave_phases(fam, y / fam.spacing)), right, left)
+        unstable = jax.lax.stop_gradient(margin) > margin_tolerance(M.dtype, scale)
+        eigenvalue, k, x = (jnp.where(unstable, a, b) for a, b in ((growth, eigenvalue), (y, k), (y, x)))
+        mode = jnp.where(unstable, right.real / jnp.linalg.norm(right.real), mode)
+    return Outcome(margin, eigenvalue, mode, k / fam.spacing, x / jnp.linalg.norm(x), scale, at)
 
 
 def _acoustic(fourth: Float[Array, "dim dim dim dim"], model, fam, at) -> Outcome:
