@@ -69,7 +69,7 @@ def model_atlas(data: Atlas, N: float = 3.0) -> Figure:
             label = _SHORT.get(path, path.replace("-", "\n"))
             axes.text(x[i] + 0.5, -1.15, f"{dim}D\n{label}", ha="center", va="bottom", fontsize=7.5)
     axes.set_xlabel(
-        "critical strain [%] by the symbol, compression − and tension +\n"
+        f"N = {N:g}: critical strain [%] by the symbol, compression − and tension +\n"
         "0: unstable at once   ∞: not within −90, +100 %   –: not defined\n"
         "○: marginal before it, waves that cost nothing",
         fontsize=8,
