@@ -33,21 +33,16 @@ def test_a_symmetric_symbol_is_judged_as_by_its_energy():
 
 
 def test_a_force_without_energy_grows_at_the_rate_it_is_told():
-    """Bond-associated as first published, beyond the law's limit: against the eigenvalues of a periodic lattice's J."""
-    model, F = pd.BondAssociatedForce(LAW), 0.75 * jnp.eye(2)
-    fam = pd.lattice_family(2, 2)
-    found = pd.stability(model, fam, F, resolution=5)
+    """Bond-associated as first published, beyond the law's limit: against the eigenvalues of a periodic lattice's J,
+    which is symmetric on a lattice all the same, in any homogeneous deformation."""
+    model, F = pd.BondAssociatedForce(LAW), jnp.asarray([[0.7, 0.2], [0.0, 0.75]])
+    found = pd.stability(model, pd.lattice_family(2, 2), F, resolution=5)  # the waves that fit ten points
     assert found.verdict == "unstable"
     fams = pd.families(pd.lattice((10, 10), periodic=True), 2.0)
     J = np.asarray(pd.jacobian(model, fams, np.zeros((100, 2)), "dense", F))
-    assert np.abs(J - J.T).max() > 1e-3 * np.abs(J).max()  # 0.02: no energy
-    rates = np.sqrt(np.linalg.eigvals(J).astype(complex)).real
-    margin = np.max(np.asarray(found.eigenvalue))
-    assert margin <= rates.max() ** 2 + 1e-9  # the wave of the worst quotient, not of the largest rate
-    k = np.asarray(found.wave_vector)
-    if np.linalg.norm(k) > 0:
-        squares = np.linalg.eigvals(np.asarray(pd.symbol(model, fam, F, k)))
-        assert np.max(squares.real) == pytest.approx(margin, rel=1e-10)
+    assert np.abs(J - J.T).max() < 1e-13 * np.abs(J).max()  # 4e-16
+    largest = np.sqrt(np.linalg.eigvals(J).astype(complex)).real.max() ** 2
+    assert float(found.eigenvalue) == pytest.approx(largest, rel=1e-10)  # 1e-15
 
 
 def test_derivative_of_a_margin_without_energy():
@@ -63,11 +58,11 @@ def test_derivative_of_a_margin_without_energy():
 
 
 def test_surfaces_make_the_published_force_unstable_at_rest():
-    """Inside a lattice it is stable; a small resting body of it grows, that of the energy-consistent form does not."""
+    """Inside a lattice it does not grow (2D, N = 2: marginal); a small resting body does, not of the consistent form."""
     fams = pd.families(pd.lattice((6, 5)), 2.0)
     rates = []
     for model in (pd.BondAssociatedForce(LAW), pd.BondAssociated(LAW)):
-        assert pd.stability(model, pd.lattice_family(2, 2), jnp.eye(2)).verdict == "stable"
+        assert pd.stability(model, pd.lattice_family(2, 2), jnp.eye(2)).verdict != "unstable"
         values = np.linalg.eigvals(np.asarray(pd.jacobian(model, fams, np.zeros((30, 2)), "dense")))
         rates.append(np.sqrt(values.astype(complex)).real.max())
     assert rates[0] > 0.1 and rates[1] < 1e-5, rates  # 0.69, 2e-8
