@@ -58,7 +58,7 @@ def test_derivative_of_a_margin_without_energy():
 
 
 def test_surfaces_make_the_published_force_unstable_at_rest():
-    """Inside a lattice it does not grow (2D, N = 2: marginal); a small resting body does, not of the consistent form."""
+    """In a lattice it does not grow (2D, N = 2: marginal); a small resting body does, not with the consistent form."""
     fams = pd.families(pd.lattice((6, 5)), 2.0)
     rates = []
     for model in (pd.BondAssociatedForce(LAW), pd.BondAssociated(LAW)):
