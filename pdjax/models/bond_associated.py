@@ -8,7 +8,7 @@
 
 **As first published** (`BondAssociatedForce`): T_b = ω_b (V_h/V_H) P_b K_b⁻¹ ξ_b, the stress of a bond's own sub-family
 on that bond alone: the derivative of no energy, Jacobian not symmetric, and Σ T×Y ≠ 0: internal forces exert moments.
-F_b is exact for affine maps, but Σ V T⊗ξ is not P: 15 % too soft in 1D at N = 2 (tests).
+F_b is exact for affine maps, but Σ V T⊗ξ is not P: off by +9 % in 1D at N = 3, −14 % in 2D at N = 2.
 Each sub-family must span space: r near 0 or a small family is refused with the bond named. Work is bonds² a point.
 Sources: Chen 2018 (force); Chen & Spencer 2019 (energy).
 """
