@@ -31,6 +31,12 @@ def require(x: jax.Array, ok: Any, message: str) -> jax.Array:
     return eqx.error_if(x, jnp.logical_not(jnp.all(ok)), message)
 
 
+def check_positive(name: str, value: Any) -> None:
+    """Refuse a constant that is not finite and > 0, where its value is known."""
+    if is_concrete(value):
+        require(value, jnp.isfinite(value) & (value > 0), f"{name} must be finite and > 0; got {value}")
+
+
 def finite(name: str, value: Any) -> np.ndarray:
     """`value` as a NumPy array of floats; ValueError naming it if any entry is NaN or infinite."""
     array = np.asarray(value, dtype=float)

@@ -4,7 +4,7 @@ import argparse
 import math
 from typing import Any
 
-from ._run_motions import Job
+from ._run_motions import Job, write_picture
 
 
 def add_atlas(jobs: Any, formatter: Any) -> None:
@@ -79,7 +79,7 @@ def run_atlas(arguments: argparse.Namespace) -> Job:
     out = {"figure": str(picture), "data": str(data), "records": found.records, "settings": found.settings}
 
     def draw() -> str:
-        pd.figures.model_atlas(found, arguments.N[-1]).savefig(picture, dpi=150)
+        write_picture(pd.figures.model_atlas(found, arguments.N[-1]), picture)
         return f"wrote {picture} and {data}"
 
     return out, draw

@@ -251,7 +251,7 @@ def model_atlas(
     jobs = [(name, dim, n) for dim in dims for n in N for name in [LAW, *names]]
     for name, dim, n in progress(jobs, len(jobs), "atlas", show_progress):
         if result.find(name, dim, n) is None:
-            mine = ["hydrostatic"] if dim == 1 else [p for p in paths]
+            mine = ["hydrostatic"] if dim == 1 else list(paths)
             result.records.append(_record(name, dim, n, law, mine, cost))
             if save is not None:
                 result.save(save)

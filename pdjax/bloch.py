@@ -71,6 +71,14 @@ def _components(tangent: Callable, phases: Phases) -> list[list[Array]]:
     return [[(J[..., i, j] + J[..., j, i]) / 2 for j in range(dim)] for i in range(dim)]
 
 
+def _sums(t: "StateTangent | TwoStageTangent", phases: Phases) -> tuple[Array, Array, Array]:
+    """Σ b c, Σ g s and Σ r s over the half family."""
+    direct = jnp.einsum("...h,hij->...ij", phases.c, t.b)
+    left = jnp.einsum("...h,hir->...ir", phases.s, t.g)
+    right = jnp.einsum("...h,hrj->...rj", phases.s, t.r)
+    return direct, left, right
+
+
 class StateTangent(eqx.Module):
     """b, g, r over the half family of a point-state model."""
 
@@ -80,9 +88,7 @@ class StateTangent(eqx.Module):
 
     def __call__(self, phases: Phases) -> Float[Array, "*waves dim dim"]:
         """Ĵ at every wave of `phases` [force/length^(dim+1)]."""
-        direct = jnp.einsum("...h,hij->...ij", phases.c, self.b)
-        left = jnp.einsum("...h,hir->...ir", phases.s, self.g)
-        right = jnp.einsum("...h,hrj->...rj", phases.s, self.r)
+        direct, left, right = _sums(self, phases)
         return -(direct + left @ right)
 
     def components(self, phases: Phases) -> list[list[Array]]:
@@ -129,9 +135,7 @@ class TwoStageTangent(eqx.Module):
     mixed: Float[Array, "half rank rank"]
 
     def __call__(self, phases: Phases) -> Float[Array, "*waves dim dim"]:
-        direct = jnp.einsum("...h,hij->...ij", phases.c, self.b)
-        left = jnp.einsum("...h,hir->...ir", phases.s, self.g)
-        state = jnp.einsum("...h,hrj->...rj", phases.s, self.r)
+        direct, left, state = _sums(self, phases)
         inner = self.level + jnp.einsum("...h,hrs->...rs", phases.even, self.mixed)  # cos k·ξ = 1 + Re q
         coupled = left @ state
         return -(direct + coupled + coupled.mT + state.mT @ inner @ state)

@@ -200,6 +200,18 @@ def _two_stage_states(model: TwoStageModel, volumes: Array, bonds: Bonds, exchan
     return (direct + indirect) / bonds.volume[..., None]
 
 
+def _by_both_ends(method: str, model: AbstractModel, bonds: Bonds, exchange: Exchange) -> Array:
+    """model.method(A_here, A_there, bond) on every bond, with the constants of the point whose bond it is."""
+    varying, shared = _split(model, bonds.xi.shape[0])
+    state = each_point("point_state", model, bonds)
+
+    def one(mine, here, there, bond):
+        return getattr(eqx.combine(mine, shared), method)(here, there, bond)
+
+    far = jax.tree.map(exchange.far, state)
+    return jax.vmap(jax.vmap(one, (None, None, 0, EACH_BOND)))(varying, state, far, bonds)
+
+
 def force_states(
     model: AbstractModel, volumes: Float[Array, " points"], bonds: Bonds, exchange: Exchange
 ) -> Float[Array, "points bonds dim"]:
@@ -208,14 +220,7 @@ def force_states(
         return _two_stage_states(model, volumes, bonds, exchange)
     if not model.needs_other_end:
         return each_point("force_state", model, bonds)
-    varying, shared = _split(model, bonds.xi.shape[0])
-    state = each_point("point_state", model, bonds)
-
-    def one(mine, here, there, bond):
-        return eqx.combine(mine, shared).bond_force(here, there, bond)
-
-    far = jax.tree.map(exchange.far, state)
-    return jax.vmap(jax.vmap(one, (None, None, 0, EACH_BOND)))(varying, state, far, bonds)
+    return _by_both_ends("bond_force", model, bonds, exchange)
 
 
 @eqx.filter_jit
@@ -243,14 +248,7 @@ def strain_energy(model: AbstractModel, fams: Families, u, F=None) -> Float[Arra
     bonds = body_bonds(model, fams, u, F)
     if not isinstance(model, TwoStageModel):
         return jnp.dot(fams.volumes, each_point("energy", model, bonds))
-    varying, shared = _split(model, len(fams))
-
-    def one(mine, here, there, bond):
-        return eqx.combine(mine, shared).bond_energy(here, there, bond)
-
-    state = each_point("point_state", model, bonds)
-    far = jax.tree.map(plain_exchange(fams).far, state)
-    each = jax.vmap(jax.vmap(one, (None, None, 0, EACH_BOND)))(varying, state, far, bonds)
+    each = _by_both_ends("bond_energy", model, bonds, plain_exchange(fams))
     return jnp.dot(fams.volumes, jnp.sum(each, axis=1))
 
 

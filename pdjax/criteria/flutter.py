@@ -29,11 +29,10 @@ def growth_square(value: Complex[Array, "..."], size: Float[Array, "..."]) -> Fl
     return jnp.where(real, value.real, jnp.sqrt(safe).real ** 2)
 
 
-def _fastest(J: Float[Array, "*waves dim dim"], unit: Float[Array, "*waves"]) -> tuple[Array, Array]:
-    """(largest γ²/unit of each wave, its place among the eigenvalues)."""
-    values = jnp.linalg.eigvals(J)
-    squares = growth_square(values, jnp.linalg.norm(J, axis=(-2, -1))[..., None])
-    return jnp.max(squares, axis=-1) / unit, jnp.argmax(squares, axis=-1)
+def _fastest(J: Float[Array, "*waves dim dim"]) -> Float[Array, "*waves"]:
+    """The largest γ² of each wave."""
+    squares = growth_square(jnp.linalg.eigvals(J), jnp.linalg.norm(J, axis=(-2, -1))[..., None])
+    return jnp.max(squares, axis=-1)
 
 
 def _pair(J: Float[Array, "dim dim"]) -> tuple[Array, Array]:
@@ -52,10 +51,11 @@ def search(tangent: Tangent, M: Array, fam: Family, zone: Zone) -> tuple[tuple, 
     short, long = wave_phases(fam, grid / h), long_wave_phases(fam, compass)
     J = jnp.concatenate([tangent(short), tangent(long)])
     unit = M * jnp.concatenate([short.kappa2, long.kappa2])
-    screen, _ = _fastest(J, unit)
-    screen = jnp.where(jnp.isnan(screen), -jnp.inf, screen)
+    square = _fastest(J)
+    square = jnp.where(jnp.isnan(square), -jnp.inf, square)
+    screen = square / unit
     i = jnp.argmax(screen)
-    j = jnp.argmax((screen * unit)[: len(grid)])
+    j = jnp.argmax(square[: len(grid)])
     wave = jnp.concatenate([grid, compass])[i]
     margin, fastest = (wave, i >= len(grid), *_pair(J[i])), (grid[j], *_pair(J[j]))
     return margin, fastest, jnp.max(jnp.abs(screen[: len(grid)]))

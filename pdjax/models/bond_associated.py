@@ -20,7 +20,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .._checks import as_real, is_concrete, require
+from .._checks import as_real, check_positive
 from ..kinematics import solve_positive
 from ..neighbours import TIE, Bonds
 from .bond_level import GradientModel
@@ -33,8 +33,7 @@ class _SubFamilies(GradientModel):
     r: Float[Array, "..."] = eqx.field(converter=as_real, default=1.0)
 
     def __check_init__(self):
-        if is_concrete(self.r):
-            require(self.r, jnp.isfinite(self.r) & (self.r > 0), f"r must be finite and > 0; got {self.r}")
+        check_positive("r", self.r)
 
     def _members(self, bonds: Bonds) -> Float[Array, "bonds bonds"]:
         """w_k where k belongs to h_b, else 0: (b, k)."""

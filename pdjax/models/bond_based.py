@@ -19,14 +19,14 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .._checks import as_real, is_concrete, require
+from .._checks import as_real, check_positive, require
 from ..kinematics import log_stretch, seth_hill
 from ..neighbours import Bonds, Family
 from .base import PointStateModel
 from .control import micromodulus
 from .plane import bulk_and_shear, plane_bulk_modulus
 
-FREE_SHEAR = {3: 0.6, "strain": 0.6, "stress": 0.375}  # G/K at the one Poisson's ratio, ¼, ¼ and ⅓
+FREE_SHEAR = {"strain": 0.6, "stress": 0.375}  # G/K at the one Poisson's ratio, ¼ and ⅓
 
 
 class BondBased(PointStateModel):
@@ -38,8 +38,7 @@ class BondBased(PointStateModel):
     rings: ClassVar[int] = 1
 
     def __check_init__(self):
-        if is_concrete(self.c):
-            require(self.c, jnp.isfinite(self.c) & (self.c > 0), f"c must be finite and > 0; got {self.c}")
+        check_positive("c", self.c)
 
     @staticmethod
     def from_bulk(bulk, horizon, dim: int = 3, plane: str | None = None) -> "BondBased":
@@ -53,11 +52,11 @@ class BondBased(PointStateModel):
         if plane is not None:
             if dim != 2:
                 raise ValueError(f"plane {plane!r} belongs to dim 2; got dim {dim}")
-            ratio = FREE_SHEAR.get(plane, 0.0)  # type: ignore[call-overload]
+            ratio = FREE_SHEAR.get(plane, 0.0)
             bulk = plane_bulk_modulus(bulk, ratio * as_real(bulk), plane)
         bulk, horizon = as_real(bulk), as_real(horizon)
-        for name, value in (("bulk", bulk), ("horizon", horizon)):
-            require(value, jnp.isfinite(value) & (value > 0), f"{name} must be finite and > 0; got {value}")
+        check_positive("bulk", bulk)
+        check_positive("horizon", horizon)
         return BondBased(micromodulus(bulk, horizon, dim))
 
     @staticmethod

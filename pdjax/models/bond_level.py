@@ -76,12 +76,16 @@ class BondLevel(GradientModel, PointStateModel):
         return bond.omega * ((share / jnp.dot(bond.xi, bond.xi)) * P + Z) @ bond.xi
 
 
-class BondLevelAverage(GradientModel, TwoStageModel):
-    """Two-sided bond-level gradient: the mean of both ends' F̄."""
-
-    def point_state(self, bonds: Bonds) -> tuple[Array, Array]:
-        return displacement_gradient(bonds), 1 / jnp.sum(bonds.omega * bonds.volume)
+class TwoSidedModel(GradientModel, TwoStageModel):
+    """W_i = (1/ω₀) Σ w ψ of the mean of both ends' gradients, mended; a point's state is (F̄ − I, 1/ω₀)."""
 
     def bond_energy(self, here: tuple[Array, Array], there: tuple[Array, Array], bond: Bonds) -> Float[Array, ""]:
         (H, share), (other, _) = here, there
         return bond.omega * bond.volume * share * energy_of_gradient(self.law, mended((H + other) / 2, bond))
+
+
+class BondLevelAverage(TwoSidedModel):
+    """Two-sided bond-level gradient: the mean of both ends' F̄."""
+
+    def point_state(self, bonds: Bonds) -> tuple[Array, Array]:
+        return displacement_gradient(bonds), 1 / jnp.sum(bonds.omega * bonds.volume)

@@ -15,7 +15,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .._checks import as_real, is_concrete, require
+from .._checks import as_real, check_positive
 from ..kinematics import log_stretch
 from ..neighbours import Bonds
 from .base import PointStateModel
@@ -31,10 +31,8 @@ class LPS(PointStateModel):
     dims: ClassVar[tuple[int, ...]] = (2, 3)
 
     def __check_init__(self):
-        for name in ("bulk", "shear"):
-            value = getattr(self, name)
-            if is_concrete(value):
-                require(value, jnp.isfinite(value) & (value > 0), f"{name} must be finite and > 0; got {value}")
+        check_positive("bulk", self.bulk)
+        check_positive("shear", self.shear)
 
     @staticmethod
     def from_young(young, poisson, dim: int = 3, plane: str | None = None) -> "LPS":

@@ -6,24 +6,23 @@
 The shear modulus G is the same in both. Lamé's first constant of the plane is k − G.
 """
 
-import jax.numpy as jnp
 from jaxtyping import Array
 
-from .._checks import as_real, choice, require
+from .._checks import as_real, check_positive, choice, require
 
 
 def plane_bulk_modulus(bulk, shear, plane: str) -> Array:
     """k [pressure] of plane "strain" or "stress" from K and G of the solid [pressure], > 0."""
     choice("plane", plane, ("strain", "stress"))
     bulk, shear = as_real(bulk), as_real(shear)
-    for name, value in (("bulk", bulk), ("shear", shear)):
-        require(value, jnp.isfinite(value) & (value > 0), f"{name} must be finite and > 0; got {value}")
+    check_positive("bulk", bulk)
+    check_positive("shear", shear)
     return bulk + shear / 3 if plane == "strain" else 9 * bulk * shear / (3 * bulk + 4 * shear)
 
 
 def bulk_and_shear(young, poisson) -> tuple[Array, Array]:
     """K and G [pressure] of a solid of Young's modulus E > 0 [pressure] and Poisson's ratio −1 < ν < ½ [-]."""
     young, poisson = as_real(young), as_real(poisson)
-    require(young, jnp.isfinite(young) & (young > 0), f"young must be finite and > 0; got {young}")
+    check_positive("young", young)
     require(poisson, (poisson > -1) & (poisson < 0.5), f"poisson must lie between -1 and 1/2; got {poisson}")
     return young / (3 * (1 - 2 * poisson)), young / (2 * (1 + poisson))

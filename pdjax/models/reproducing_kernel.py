@@ -18,12 +18,10 @@ from jaxtyping import Array, Float
 
 from ..kinematics import solve_positive
 from ..neighbours import Bonds
-from .base import TwoStageModel
-from .bond_level import GradientModel, mended
-from .with_law import energy_of_gradient
+from .bond_level import TwoSidedModel
 
 
-class ReproducingKernel(GradientModel, TwoStageModel):
+class ReproducingKernel(TwoSidedModel):
     """Reproducing-kernel correspondence of a law in F or E; `order` 1 (linear basis) or 2 (quadratic)."""
 
     order: int = eqx.field(static=True, default=2)
@@ -49,7 +47,3 @@ class ReproducingKernel(GradientModel, TwoStageModel):
         linear = jnp.asarray(np.eye(Q.shape[1], dim), dtype=Q.dtype)
         weights = Q @ solve_positive(self.shape_tensor(bonds), linear) * (w / bonds.horizon)[:, None]
         return jnp.einsum("bi,bj->ij", bonds.eta, weights), 1 / jnp.sum(w)
-
-    def bond_energy(self, here: tuple[Array, Array], there: tuple[Array, Array], bond: Bonds) -> Float[Array, ""]:
-        (H, share), (other, _) = here, there
-        return bond.omega * bond.volume * share * energy_of_gradient(self.law, mended((H + other) / 2, bond))
