@@ -46,7 +46,7 @@ class Probe(eqx.Module):
     """u (points named, dim) [length]."""
 
     points: np.ndarray
-    mask: int | None = eqx.field(static=True)
+    mask: int | None = eqx.field(static=True, default=None, kw_only=True)
 
     def check(self, scene: Scene) -> None:
         """Refuse points that the body does not have."""
@@ -60,7 +60,7 @@ class Reaction(eqx.Module):
     """Σ R (dim,) [force]: the force that supports exert on the points named; zero on free components."""
 
     points: np.ndarray
-    mask: int | None = eqx.field(static=True)
+    mask: int | None = eqx.field(static=True, default=None, kw_only=True)
 
     def check(self, scene: Scene) -> None:
         """Refuse points that the body does not have."""
@@ -75,7 +75,7 @@ class SectionForce(eqx.Module):
     """F (dim,) [force] through the section beyond which the points named lie, in a body of `mask` points."""
 
     beyond: np.ndarray
-    mask: int | None = eqx.field(static=True)
+    mask: int | None = eqx.field(static=True, default=None, kw_only=True)
 
     def check(self, scene: Scene) -> None:
         """Refuse points that the body does not have."""
@@ -88,12 +88,14 @@ class SectionForce(eqx.Module):
 
 def probe(points) -> Probe:
     """Displacements of the points named (a mask or point numbers) [length]."""
-    return Probe(*point_numbers(points))
+    numbers, mask = point_numbers(points)
+    return Probe(numbers, mask=mask)
 
 
 def reaction(points) -> Reaction:
     """The force of the supports on the points named [force], all together."""
-    return Reaction(*point_numbers(points))
+    numbers, mask = point_numbers(points)
+    return Reaction(numbers, mask=mask)
 
 
 def section_force(body: Points, position: float, axis: int = 0) -> SectionForce:
@@ -114,4 +116,4 @@ def section_force(body: Points, position: float, axis: int = 0) -> SectionForce:
         raise ValueError(
             f"a section at {position} leaves one side empty: the body's points lie in {x.min()}, {x.max()}"
         )
-    return SectionForce(beyond, len(x))
+    return SectionForce(beyond, mask=len(x))
