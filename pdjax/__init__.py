@@ -38,7 +38,8 @@ from .dynamics import (
     symplectic_terms,
     verlet_rate,
 )
-from .force import force_density, force_state, piola_stress, strain, strain_energy, stress
+from .evaluate import ForceOperator, force_density, force_operator
+from .force import force_state, piola_stress, strain, strain_energy, stress
 from .influence import (
     constant_influence,
     cubic_spline_influence,
@@ -111,6 +112,7 @@ __all__ = [
     "Failure",
     "Families",
     "Family",
+    "ForceOperator",
     "History",
     "Hold",
     "Law",
@@ -161,6 +163,7 @@ __all__ = [
     "families",
     "figures",
     "force_density",
+    "force_operator",
     "force_state",
     "gaussian_influence",
     "graded",

@@ -30,7 +30,7 @@ from ._checks import choice, writable, written_whole
 from ._progress import progress
 from .bloch import homogeneous_tangent, p_wave_modulus, wave_phases
 from .criteria import check_at_rest, evaluate, family_zone, margin_tolerance
-from .force import _net_force, force_density
+from .evaluate import force_operator
 from .laws import LinearElastic, law_label
 from .models.base import AbstractModel
 from .models.catalogue import CATALOGUE
@@ -190,13 +190,12 @@ def cost_per_bond(model: AbstractModel, dim: int, N: float, repeats: int = 5) ->
     """Median time of a force evaluation over its bonds [s], on a small periodic lattice, compiled before."""
     fams = families(lattice(COST_POINTS[dim], periodic=True), N)
     u = jnp.asarray(1e-3 * np.random.default_rng(0).normal(size=(len(fams), dim)))
-    force_density(model, fams, u)  # checks the families
-    bonds = fams.bonds(u)
-    _net_force(model, fams, bonds).block_until_ready()
+    force = force_operator(model, fams)
+    force(u).block_until_ready()
     times = []
     for _ in range(repeats):
         start = time.perf_counter()
-        _net_force(model, fams, bonds).block_until_ready()
+        force(u).block_until_ready()
         times.append(time.perf_counter() - start)
     return float(np.median(times)) / float(fams.count.sum())
 

@@ -24,7 +24,8 @@ from scipy.spatial import cKDTree
 
 from ._checks import deformation_gradient, require
 from .criteria.outcome import margin_tolerance, verdicts
-from .force import Exchange, check_model, force_density, force_states, point_field
+from .evaluate import force_density
+from .force import Exchange, check_model, force_states, point_field
 from .influence import constant_influence
 from .models.base import AbstractModel
 from .neighbours import TIE, Bonds, Families, pack

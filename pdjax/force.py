@@ -85,9 +85,22 @@ def _shape_tensors(model: AbstractModel, bonds: Bonds) -> Any:
     return each_point("shape_tensor", model, bonds)
 
 
+def _kinds(fams: Families) -> tuple[np.ndarray, Bonds]:
+    """One family of every kind that a lattice without arrays has, and a point of each."""
+    grid: Any = fams.grid
+    examples, patterns = grid.kinds
+    xi = jnp.asarray(np.array(grid.offsets).reshape(-1, fams.dim), fams.dtype) * float(fams.spacing or 1.0)
+    xi = jnp.broadcast_to(xi, (len(patterns), *xi.shape))
+    omega = grid.influence * patterns
+    volume = jnp.full(omega.shape, fams.volumes[0])
+    return examples, Bonds(xi, jnp.zeros_like(xi), omega, volume, jnp.full(len(patterns), fams.horizon))
+
+
 def _refuse_singular(model: AbstractModel, fams: Family | Families) -> None:
-    single = isinstance(fams, Family)
-    if isinstance(fams, Family):
+    single, examples = isinstance(fams, Family), None
+    if isinstance(fams, Families) and fams.xi is None:
+        examples, bonds = _kinds(fams)
+    elif isinstance(fams, Family):
         bonds = jax.tree.map(lambda x: x[None], fams.bonds(jnp.eye(fams.dim, dtype=fams.xi.dtype)))
     else:
         bonds = fams.bonds(jnp.zeros((len(fams), fams.dim), fams.xi.dtype))
@@ -100,7 +113,7 @@ def _refuse_singular(model: AbstractModel, fams: Family | Families) -> None:
     bad = ~(values[..., 0] > least * values[..., -1])
     if bad.any():
         i = int(np.flatnonzero(bad)[0]) if bad.ndim == 1 else int(np.argwhere(bad)[0, 0])
-        where = "this lattice family" if single else f"the family of point {i}"
+        where = "this lattice family" if single else f"the family of point {i if examples is None else examples[i]}"
         if bad.ndim == 2:
             b = int(np.argwhere(bad)[0, 1])
             reference = ", ".join(f"{x:.4g}" for x in np.asarray(bonds.xi[i, b]))
@@ -224,23 +237,13 @@ def force_states(
 
 
 @eqx.filter_jit
-def _net_force(model: AbstractModel, fams: Families, bonds: Bonds) -> Float[Array, "points dim"]:
+def whole_force(model: AbstractModel, fams: Families, bonds: Bonds) -> Float[Array, "points dim"]:
+    """f of any model, all bonds at once; unchecked."""
     if isinstance(model, PointStateModel):
         return _force_by_state(model, fams, bonds)
     exchange = plain_exchange(fams)
     T = force_states(model, fams.volumes, bonds, exchange)
     return jnp.einsum("pb,pbi->pi", bonds.volume, T - exchange.back(T))
-
-
-def force_density(model: AbstractModel, fams: Families, u, F=None) -> Float[Array, "points dim"]:
-    """Net internal force density f of every point.
-
-    Arguments: u (points, dim) [length]; F (dim, dim) an optional mean deformation under it, for periodic
-        bodies: η = (F − I) ξ + u_j − u_i.
-    Returns: (points, dim) [force/length^dim].
-    Raises: ValueError for wrong shapes, NaN, or a point whose family is too poor for the model (with its index).
-    """
-    return _net_force(model, fams, body_bonds(model, fams, u, F))
 
 
 def strain_energy(model: AbstractModel, fams: Families, u, F=None) -> Float[Array, ""]:

@@ -16,7 +16,7 @@ its strain is finite, its weight kills it, and every derivative is finite, witho
 import itertools
 import math
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -26,6 +26,7 @@ from scipy.spatial import cKDTree
 
 from ._checks import is_concrete, require
 from .influence import constant_influence
+from .lattice_arrays import LatticeArrays
 from .points import Points
 
 TIE = 1e-9  # relative slack of the horizon
@@ -128,34 +129,64 @@ def lattice_family(dim: int, N: float, spacing=1.0, influence: Callable = consta
     return Family(xi, omega, jnp.ones_like(omega), horizon, spacing)
 
 
+class Grid(eqx.Module):
+    """Where families came from a lattice: one stencil for all of them.
+
+    `cells` and `periodic` (one entry an axis); `offsets` to the neighbours in cells, the second half the mirror of
+    the first; `influence` (offsets,) ω of each; `sites` (points,) the cell of each point in row-major order, or None
+    for all. `horizon` [length] is known to the host. `kinds` of families, where there are no arrays: a point of each,
+    and which bonds it has.
+    """
+
+    cells: tuple[int, ...] = eqx.field(static=True)
+    periodic: tuple[bool, ...] = eqx.field(static=True)
+    offsets: tuple[tuple[int, ...], ...] = eqx.field(static=True)
+    influence: Float[Array, " offsets"]
+    sites: Int[Array, " points"] | None
+    horizon: float = eqx.field(static=True)
+    kinds: tuple[Any, Any] | None
+
+
 class Families(eqx.Module):
     """The families of every point of a body, as arrays padded to the largest family.
 
     neighbours (points, bonds): index j of the neighbour; reverse (points, bonds): the slot of i in j's family.
     xi (points, bonds, dim), influence and weight (points, bonds), volumes (points,), horizon.
-    `count` (points,) is the number of true bonds. `shape`, `spacing` are kept from a lattice.
+    `count` (points,) is the number of true bonds. `shape`, `spacing` are kept from a lattice, and its stencil in `grid`
+    (None for clouds and for bonds with weights of their own).
     """
 
-    neighbours: Int[Array, "points bonds"]
-    reverse: Int[Array, "points bonds"]
-    xi: Float[Array, "points bonds dim"]
-    influence: Float[Array, "points bonds"]
-    weight: Float[Array, "points bonds"]
+    neighbours: Int[Array, "points bonds"] | Any  # these five: None for a lattice with arrays=False
+    reverse: Int[Array, "points bonds"] | Any
+    xi: Float[Array, "points bonds dim"] | Any
+    influence: Float[Array, "points bonds"] | Any
+    weight: Float[Array, "points bonds"] | Any
     volumes: Float[Array, " points"]
     count: Int[Array, " points"]
     horizon: Float[Array, ""]
     spacing: float | None = eqx.field(static=True, default=None)
     shape: tuple[int, ...] | None = eqx.field(static=True, default=None)
+    grid: Grid | None = None
 
     @property
     def dim(self) -> int:
-        return self.xi.shape[2]
+        return len(self.grid.cells) if self.grid is not None else self.xi.shape[2]
 
     def __len__(self) -> int:
-        return self.xi.shape[0]
+        return self.volumes.shape[0]
+
+    @property
+    def dtype(self):
+        """Of everything real here."""
+        return self.volumes.dtype
 
     def bonds(self, u: Float[Array, "points dim"], F: Float[Array, "dim dim"] | None = None) -> Bonds:
         """All bonds under the displacement u [length] on top of the mean deformation F (None: identity)."""
+        if self.xi is None:
+            raise ValueError(
+                "these families of a lattice were made with arrays=False and hold no bonds: that is enough for"
+                " force_density, jvp and simulate; for anything else make them with arrays=True"
+            )
         eta = u[self.neighbours] - u[:, None, :]
         if F is not None:
             eta = eta + self.xi @ (F - jnp.eye(self.dim, dtype=self.xi.dtype)).T
@@ -171,20 +202,25 @@ class Families(eqx.Module):
     def with_weight(self, weight: Float[Array, "points bonds"]) -> "Families":
         """The families with bond weights β ∈ [0, 1] times the present ones (padding stays 0)."""
         weight = _weight(weight, self.weight.shape)
-        return eqx.tree_at(lambda f: f.weight, self, self.weight * weight)
+        lost = eqx.tree_at(lambda f: f.grid, self, None, is_leaf=lambda x: x is None)
+        return eqx.tree_at(lambda f: f.weight, lost, self.weight * weight)
+
+
+def _refuse_short_box(body: Points, radius: float) -> None:
+    if body.period is not None and (np.array(body.period) <= 2 * radius).any():
+        raise ValueError(
+            f"a periodic box must be longer than two horizons ({2 * radius:g}), or a point meets a neighbour"
+            f" twice; got box lengths {body.period}"
+        )
 
 
 def _directed_pairs(body: Points, radius: float) -> tuple[np.ndarray, np.ndarray]:
     """All pairs i < j nearer than `radius`; refuses duplicates and boxes smaller than two horizons."""
     box = None
     X = body.positions
+    _refuse_short_box(body, radius)
     if body.period is not None:
         period = np.array(body.period)
-        if (period <= 2 * radius).any():
-            raise ValueError(
-                f"a periodic box must be longer than two horizons ({2 * radius:g}), or a point meets a neighbour"
-                f" twice; got box lengths {body.period}"
-            )
         box = np.where(np.isfinite(period), period, 0.0)  # cKDTree: 0 means not periodic
         X = np.where(box > 0, np.mod(X, np.where(box > 0, box, 1.0)), X)
     tree = cKDTree(X, boxsize=box)
@@ -196,10 +232,11 @@ def _directed_pairs(body: Points, radius: float) -> tuple[np.ndarray, np.ndarray
     return pairs[:, 0], pairs[:, 1]
 
 
-def families(body: Points, horizon: float, influence: Callable = constant_influence) -> Families:
-    """Find every family of a body (cKDTree) and pad them into arrays.
+def families(body: Points, horizon: float, influence: Callable = constant_influence, arrays: bool = True) -> Families:
+    """Find every family of a body and pad them into arrays: by cKDTree, on a lattice by its stencil.
 
-    Arguments: body of any dim; horizon δ [length]; influence (r, δ) → ω ≥ 0.
+    Arguments: body of any dim; horizon δ [length]; influence (r, δ) → ω ≥ 0. arrays=False (lattices only) keeps the
+        stencil and no arrays over points and bonds: enough for forces, their derivatives and explicit dynamics.
     Raises: ValueError for a horizon that is not finite or below the lattice spacing, duplicate points,
         a point without neighbours, a periodic box not longer than two horizons, a bad influence.
     """
@@ -211,6 +248,10 @@ def families(body: Points, horizon: float, influence: Callable = constant_influe
     least = 0.0 if body.spacing is None else body.spacing / (1 + TIE)
     if not (math.isfinite(horizon) and horizon > 0 and horizon >= least):
         raise ValueError(f"horizon must be finite, > 0 and at least one spacing ({body.spacing}); got {horizon}")
+    if body.cells is not None:
+        return _of_lattice(body, horizon, influence, arrays)
+    if not arrays:
+        raise ValueError("arrays=False is for lattices, whose families have one stencil; this body is a cloud")
     lower, upper = _directed_pairs(body, horizon * (1 + TIE))
     i, j = np.concatenate([lower, upper]), np.concatenate([upper, lower])
     vectors = body.positions[j] - body.positions[i]
@@ -221,16 +262,67 @@ def families(body: Points, horizon: float, influence: Callable = constant_influe
     return pack(body, horizon, influence, (i, j, vectors, opposite))
 
 
-def pack(body: Points, horizon: float, influence: Callable, directed: tuple[np.ndarray, ...]) -> Families:
-    """Directed bonds (i, j, vectors, index of the opposite bond) → padded arrays."""
-    i, j, vectors, opposite = directed
-    points = len(body)
-    count = np.bincount(i, minlength=points)
+def _refuse_lonely(count: np.ndarray, horizon: float) -> None:
     if (count == 0).any():
         raise ValueError(
             f"every point needs a neighbour within the horizon {horizon:g}; point {int(np.argmin(count))} has"
             f" none ({int((count == 0).sum())} such points)"
         )
+
+
+def _of_lattice(body: Points, horizon: float, influence: Callable, arrays: bool) -> Families:
+    """The families of a lattice by its stencil."""
+    assert body.cells is not None and body.spacing is not None
+    periodic = tuple(bool(np.isfinite(p)) for p in body.period) if body.period else (False,) * body.dim
+    _refuse_short_box(body, horizon * (1 + TIE))
+    offsets = cells_within(body.dim, horizon / body.spacing)
+    reach = np.abs(offsets) < np.array(body.cells)
+    offsets = offsets[reach.all(axis=1)]  # a bond longer than the body is nobody's
+    real = jnp.result_type(float)
+    delta = jnp.asarray(horizon, dtype=real)
+    vectors = offsets * body.spacing
+    made = LatticeArrays(body, offsets, periodic, arrays)
+    _refuse_lonely(made.count, horizon)
+    omega = _influence(influence, jnp.asarray(np.linalg.norm(vectors, axis=1), dtype=real), delta)
+    half = len(offsets) // 2
+    order = np.concatenate([np.arange(half, len(offsets)), np.arange(half)[::-1]])
+    grid = Grid(
+        body.cells,
+        periodic,
+        tuple(tuple(int(x) for x in o) for o in offsets[order]),
+        omega[order],
+        None if body.sites is None else jnp.asarray(body.sites, dtype=jnp.int32),
+        horizon,
+        None if arrays else (made.examples, made.patterns[:, order]),
+    )
+    volumes, count = jnp.asarray(body.volumes, dtype=real), jnp.asarray(made.count)
+    if not arrays:
+        return Families(None, None, None, None, None, volumes, count, delta, body.spacing, body.shape, grid)
+    away = np.zeros((1, body.dim))
+    away[0, 0] = horizon
+    xi = np.concatenate([vectors, away])[made.offset]  # −1, padding, is the last
+    padded = jnp.concatenate([omega, jnp.ones(1, real)])
+    return Families(
+        jnp.asarray(made.neighbours),
+        jnp.asarray(made.reverse),
+        jnp.asarray(xi, dtype=real),
+        padded[made.offset],
+        jnp.asarray(made.offset >= 0, dtype=real),
+        volumes,
+        count,
+        delta,
+        body.spacing,
+        body.shape,
+        grid,
+    )
+
+
+def pack(body: Points, horizon: float, influence: Callable, directed: tuple[np.ndarray, ...]) -> Families:
+    """Directed bonds (i, j, vectors, index of the opposite bond) → padded arrays."""
+    i, j, vectors, opposite = directed
+    points = len(body)
+    count = np.bincount(i, minlength=points)
+    _refuse_lonely(count, horizon)
     order = np.lexsort((j, i))
     slot = np.empty(len(i), dtype=np.int64)
     slot[order] = np.arange(len(i)) - np.repeat(np.cumsum(count) - count, count)

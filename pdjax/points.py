@@ -18,8 +18,9 @@ from ._checks import finite
 class Points(eqx.Module):
     """Reference positions (points, dim) [length] and volumes (points,) [length^dim] of a body.
 
-    `spacing` and `shape` are set for lattices; `period` holds the box lengths of the periodic directions
-    (inf where not periodic), or is None.
+    `spacing` and `shape` are set for lattices, `shape` only where every cell is filled; `period` holds the box
+    lengths of the periodic directions (inf where not periodic), or is None. A body cut out of a lattice keeps the
+    `cells` it was cut from and its `sites` (points,), their numbers in row-major order.
     """
 
     positions: np.ndarray
@@ -27,6 +28,8 @@ class Points(eqx.Module):
     spacing: float | None = eqx.field(static=True, default=None)
     shape: tuple[int, ...] | None = eqx.field(static=True, default=None)
     period: tuple[float, ...] | None = eqx.field(static=True, default=None)
+    cells: tuple[int, ...] | None = eqx.field(static=True, default=None)
+    sites: np.ndarray | None = None
 
     @property
     def dim(self) -> int:
@@ -60,10 +63,11 @@ def cloud(positions, volumes, period: Sequence[float] | None = None) -> Points:
     return Points(positions, volumes, period=period)
 
 
-def lattice(shape: Sequence[int], spacing: float = 1.0, periodic: bool | Sequence[bool] = False) -> Points:
+def lattice(shape: Sequence[int], spacing: float = 1.0, periodic: bool | Sequence[bool] = False, mask=None) -> Points:
     """A uniform lattice of `shape` cells (one number an axis, 1 to 3 axes) of side `spacing` [length].
 
     `periodic` (for all axes, or one flag each) joins opposite ends: the box is shape * spacing long.
+    `mask` (bools of `shape`; None: all) keeps a part of the cells: a body of any shape on the lattice.
     Points are in row-major order: the last axis runs fastest.
     """
     shape = tuple(int(n) for n in shape)
@@ -78,7 +82,16 @@ def lattice(shape: Sequence[int], spacing: float = 1.0, periodic: bool | Sequenc
     positions = np.stack([axis.reshape(-1) for axis in axes], axis=1)
     volumes = np.full(len(positions), spacing ** len(shape))
     period = tuple(n * spacing if flag else math.inf for n, flag in zip(shape, flags, strict=True))
-    return Points(positions, volumes, float(spacing), shape, period if any(flags) else None)
+    box = period if any(flags) else None
+    if mask is None:
+        return Points(positions, volumes, float(spacing), shape, box, shape)
+    mask = np.asarray(mask)
+    if mask.shape != shape or mask.dtype != bool or not mask.any():
+        raise ValueError(
+            f"mask must hold one bool for each of the {shape} cells, not all False; got {mask.dtype} {mask.shape}"
+        )
+    sites = np.flatnonzero(mask.reshape(-1))
+    return Points(positions[sites], volumes[sites], float(spacing), None, box, shape, sites)
 
 
 def _box(lengths: Sequence[float], spacing: float) -> Points:

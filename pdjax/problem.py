@@ -23,7 +23,8 @@ from scipy.sparse.csgraph import connected_components
 
 from ._checks import deformation_gradient, is_concrete
 from .conditions import BodyForce, Condition, HomogeneousTraction, Prescribed, TotalForce, check_points
-from .force import body_bonds, force_density
+from .evaluate import force_density
+from .force import body_bonds
 from .models.base import AbstractModel
 from .neighbours import Families
 from .points import Points

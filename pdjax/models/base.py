@@ -7,7 +7,9 @@
 **By a point state** (`PointStateModel`): `point_state(bonds) -> A` (sums over the family turned into what a bond needs)
 and `bond_force(A_here, A_there, bond) -> t`; only A travels between points. Such a force state has a cheap exact
 derivative, ∂T_b/∂Y_c = δ_bc B_b + G_b R_c, with B = ∂t/∂η, G = ∂t/∂A, R = ∂A/∂η: a block for each bond plus a
-product of rank dim A.
+product of rank dim A. Most give A by what each bond adds to the sums, `moments(bond) -> (reference, deformed)`, and
+what the sums make, `state(sums) -> A`: then bodies are evaluated without an array over points and bonds
+(`pdjax.ways`).
 
 **By the states of both ends** (`TwoStageModel`): `point_state(bonds) -> A`, linear in η, and `bond_energy(A_here,
 A_there, bond) -> φ`, W_i = Σ_j φ(A_i, A_j, bond). The second stage, also a sum over the family, is the force on A,
@@ -19,7 +21,7 @@ so that f = Σ_j (T_ij − T_ji) V_j is the exact gradient of Σ V_i W_i; it rea
 A model declares its promises as class attributes; the tests, the sparsity and the choice of method read them.
 """
 
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 import equinox as eqx
 import jax
@@ -38,8 +40,19 @@ PROMISES = (
     "rings",
     "needs_other_end",
     "even",
+    "additive",
+    "degree",
     "dims",
 )
+
+
+class Sums(NamedTuple):
+    """What a family adds up to: the two trees of `moments` summed over its bonds, its horizon, the dimension."""
+
+    reference: Any
+    deformed: Any
+    horizon: Array
+    dim: int
 
 
 class AbstractModel(eqx.Module):
@@ -50,7 +63,10 @@ class AbstractModel(eqx.Module):
     moment; `affine_exact` every affine map gives the law's exact stress, at surfaces too; `moduli_exact`
     the tangent at rest inside a lattice is the law's; `rings` how many rings of
     neighbours the force on a point reaches; `needs_other_end` a bond's force needs the state of its far end; `even` the
-    point state of a family is that of its mirror image, ξ → −ξ; `dims` the dimensions it is defined in.
+    point state of a family is that of its mirror image, ξ → −ξ; `additive` a bond's force is linear in the point state
+    (or has none) and odd in the bond, t(A, −ξ, −η) = −t(A, ξ, η), so that t(A_i) − t(A_j, −bond) = t(A_i + A_j);
+    `degree` moments and bond force are polynomials in η of this degree (0: they are not); `dims` the dimensions it is
+    defined in.
     """
 
     hyperelastic: ClassVar[bool] = True
@@ -61,6 +77,8 @@ class AbstractModel(eqx.Module):
     rings: ClassVar[int] = 2
     needs_other_end: ClassVar[bool] = False
     even: ClassVar[bool] = True
+    additive: ClassVar[bool] = False
+    degree: ClassVar[int] = 0
     dims: ClassVar[tuple[int, ...]] = (1, 2, 3)
 
     @property
@@ -99,9 +117,25 @@ class AbstractModel(eqx.Module):
 class PointStateModel(AbstractModel):
     """A model by its two small functions; the force state is their composition."""
 
+    def moments(self, bond: Bonds) -> tuple[Any, Any]:
+        """What one bond (ξ (dim,), η (dim,), ω, V scalars) adds to the sums of its family: a tree that depends on the
+        reference configuration alone, and one of the deformation. A bond with ω = 0 adds 0."""
+        raise NotImplementedError
+
+    def state(self, sums: Sums) -> Any:
+        """A of a family from its sums."""
+        raise NotImplementedError
+
+    @property
+    def by_moments(self) -> bool:
+        """Whether the point state is made from sums over single bonds."""
+        return type(self).moments is not PointStateModel.moments
+
     def point_state(self, bonds: Bonds) -> Any:
         """A: an array or a tree of arrays, from sums over the family."""
-        raise NotImplementedError
+        each = jax.vmap(self.moments, (EACH_BOND,))(bonds)
+        reference, deformed = jax.tree.map(lambda x: jnp.sum(x, axis=0), each)
+        return self.state(Sums(reference, deformed, bonds.horizon, bonds.xi.shape[-1]))
 
     def bond_force(self, here: Any, there: Any, bond: Bonds) -> Float[Array, " dim"]:
         """t [force/length^(2 dim)] on one bond (ξ (dim,), η (dim,), ω, V scalars)."""

@@ -22,7 +22,7 @@ from jaxtyping import Array, Float
 from .._checks import as_real, check_positive, require
 from ..kinematics import log_stretch, seth_hill
 from ..neighbours import Bonds, Family
-from .base import PointStateModel
+from .base import PointStateModel, Sums
 from .control import micromodulus
 from .plane import bulk_and_shear, plane_bulk_modulus
 
@@ -36,6 +36,7 @@ class BondBased(PointStateModel):
     m: Float[Array, "..."] = eqx.field(converter=as_real, default=0.5)
     moduli_exact: ClassVar[bool] = False
     rings: ClassVar[int] = 1
+    additive: ClassVar[bool] = True
 
     def __check_init__(self):
         check_positive("c", self.c)
@@ -88,10 +89,13 @@ class BondBased(PointStateModel):
         e = seth_hill(log_stretch(bonds.xi, bonds.eta), self.m)
         return 0.25 * self.c * jnp.sum(bonds.omega * bonds.volume * jnp.linalg.norm(bonds.xi, axis=1) * e**2)
 
-    def point_state(self, bonds: Bonds) -> Any:
+    def moments(self, bond: Bonds) -> tuple[Any, Any]:
+        return (), ()
+
+    def state(self, sums: Sums) -> Any:
         return ()
 
     def bond_force(self, here: Any, there: Any, bond: Bonds) -> Float[Array, " dim"]:
         ell = log_stretch(bond.xi, bond.eta)
-        pull = 0.5 * bond.omega * self.c * seth_hill(ell, self.m) * jnp.exp(2 * (self.m - 1) * ell)
-        return pull / jnp.linalg.norm(bond.xi) * (bond.xi + bond.eta)
+        scale = 0.5 * self.c * bond.omega / jnp.sqrt(jnp.dot(bond.xi, bond.xi))
+        return scale * seth_hill(ell, self.m) * jnp.exp(2 * (self.m - 1) * ell) * (bond.xi + bond.eta)

@@ -22,8 +22,9 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from .._checks import as_real, require
-from ..kinematics import displacement_gradient, shape_tensor_K, solve_positive
+from ..kinematics import displacement_gradient, gradient_of_moments, shape_tensor_K, solve_positive
 from ..neighbours import Bonds
+from .base import Sums
 
 
 def micromodulus(bulk, horizon, dim: int):
@@ -45,12 +46,14 @@ def _positive(name: str, value: Any) -> Array:
 
 
 class Control(eqx.Module):
-    """What opposes z. `state` is what a point sends along its bonds, made from its family and the law's tangent ℂ."""
+    """What opposes z. `state` is what a point sends along its bonds, made from K and M of its family (the two trees of
+    `sums`) and the law's tangent ℂ; the force is linear in it."""
 
     hyperelastic: ClassVar[bool] = True
     objective: ClassVar[bool] = True
+    degree: ClassVar[int] = 1
 
-    def state(self, bonds: Bonds, moduli: Float[Array, "dim dim dim dim"]) -> Any:
+    def state(self, sums: Sums, moduli: Float[Array, "dim dim dim dim"]) -> Any:
         raise NotImplementedError
 
     def force(self, state: Any, bond: Bonds) -> Float[Array, " dim"]:
@@ -71,23 +74,24 @@ class SillingControl(Control):
 
     g: Float[Array, "..."] = eqx.field(converter=lambda g: _positive("g", g), default=0.5)
 
-    def _stiffness(self, bonds: Bonds, moduli) -> Array:
-        return self.g * micromodulus(bulk_modulus(moduli), bonds.horizon, bonds.xi.shape[1]) / bonds.horizon
+    def _stiffness(self, horizon: Array, moduli) -> Array:
+        return self.g * micromodulus(bulk_modulus(moduli), horizon, len(moduli)) / horizon
 
-    def state(self, bonds: Bonds, moduli: Float[Array, "dim dim dim dim"]) -> Any:
-        return displacement_gradient(bonds), self._stiffness(bonds, moduli)
+    def state(self, sums: Sums, moduli: Float[Array, "dim dim dim dim"]) -> Any:
+        stiffness = self._stiffness(sums.horizon, moduli)
+        return stiffness * gradient_of_moments(sums.reference, sums.deformed), stiffness
 
     def force(self, state: Any, bond: Bonds) -> Float[Array, " dim"]:
-        H, stiffness = state
-        return bond.omega * stiffness * _deviation(H, bond)
+        pull, stiffness = state
+        return bond.omega * (stiffness * bond.eta - pull @ bond.xi)
 
     def energy(self, bonds: Bonds, moduli: Float[Array, "dim dim dim dim"]) -> Float[Array, ""]:
         z = _deviation(displacement_gradient(bonds), bonds)
-        return 0.5 * self._stiffness(bonds, moduli) * jnp.sum((bonds.omega * bonds.volume)[:, None] * z**2)
+        return 0.5 * self._stiffness(bonds.horizon, moduli) * jnp.sum((bonds.omega * bonds.volume)[:, None] * z**2)
 
 
-def _stiffness_of_wan(bonds: Bonds, moduli) -> Float[Array, "dim dim"]:
-    inverse = solve_positive(shape_tensor_K(bonds), jnp.eye(bonds.xi.shape[1], dtype=bonds.xi.dtype))
+def _stiffness_of_wan(K: Float[Array, "dim dim"], moduli) -> Float[Array, "dim dim"]:
+    inverse = solve_positive(K, jnp.eye(len(K), dtype=K.dtype))
     return jnp.einsum("ijkl,kl->ij", moduli, inverse)
 
 
@@ -96,31 +100,34 @@ class WanControl(Control):
 
     objective: ClassVar[bool] = False
 
-    def state(self, bonds: Bonds, moduli: Float[Array, "dim dim dim dim"]) -> Any:
-        return displacement_gradient(bonds), _stiffness_of_wan(bonds, moduli)
+    def state(self, sums: Sums, moduli: Float[Array, "dim dim dim dim"]) -> Any:
+        stiffness = _stiffness_of_wan(sums.reference, moduli)
+        return stiffness @ gradient_of_moments(sums.reference, sums.deformed), stiffness
 
     def force(self, state: Any, bond: Bonds) -> Float[Array, " dim"]:
-        H, stiffness = state
-        return bond.omega * (stiffness @ _deviation(H, bond))
+        pull, stiffness = state
+        return bond.omega * (stiffness @ bond.eta - pull @ bond.xi)
 
     def energy(self, bonds: Bonds, moduli: Float[Array, "dim dim dim dim"]) -> Float[Array, ""]:
         z = _deviation(displacement_gradient(bonds), bonds)
-        return 0.5 * jnp.einsum("b,bi,ij,bj->", bonds.omega * bonds.volume, z, _stiffness_of_wan(bonds, moduli), z)
+        stiffness = _stiffness_of_wan(shape_tensor_K(bonds), moduli)
+        return 0.5 * jnp.einsum("b,bi,ij,bj->", bonds.omega * bonds.volume, z, stiffness, z)
 
 
 class LittlewoodControl(Control):
     """The hourglass force C c (z·Y) Y/(|ξ||Y|²) along the bond; C ≥ 0 [-], 0.02 to 0.04 in use."""
 
     C: Float[Array, "..."] = eqx.field(converter=lambda C: _positive("C", C), default=0.03)
+    degree: ClassVar[int] = 0
     hyperelastic: ClassVar[bool] = False
 
-    def state(self, bonds: Bonds, moduli: Float[Array, "dim dim dim dim"]) -> Any:
-        c = micromodulus(bulk_modulus(moduli), bonds.horizon, bonds.xi.shape[1])
-        return displacement_gradient(bonds), self.C * c
+    def state(self, sums: Sums, moduli: Float[Array, "dim dim dim dim"]) -> Any:
+        strength = self.C * micromodulus(bulk_modulus(moduli), sums.horizon, sums.dim)
+        return strength * gradient_of_moments(sums.reference, sums.deformed), strength
 
     def force(self, state: Any, bond: Bonds) -> Float[Array, " dim"]:
-        H, strength = state
+        pull, strength = state
         Y = bond.xi + bond.eta
         # a bond of no weight (padding, damage) carries nothing, though the published force has no ω
-        size = jnp.where(bond.omega > 0, strength, 0.0) / jnp.linalg.norm(bond.xi)
-        return size * jnp.dot(_deviation(H, bond), Y) / jnp.dot(Y, Y) * Y
+        size = jnp.where(bond.omega > 0, 1.0, 0.0) / jnp.sqrt(jnp.dot(bond.xi, bond.xi))
+        return size * jnp.dot(strength * bond.eta - pull @ bond.xi, Y) / jnp.dot(Y, Y) * Y

@@ -12,9 +12,16 @@ from typing import ClassVar
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..kinematics import displacement_gradient, shape_tensor_K, solve_positive
+from ..kinematics import (
+    displacement_gradient,
+    gradient_moments,
+    gradient_of_moments,
+    shape_tensor_K,
+    solve_positive,
+)
 from ..laws import Law, law_stress
 from ..neighbours import Bonds
+from .base import Sums
 from .control import Control
 from .with_law import WithLaw, check_law, energy_of_gradient, stress_of_gradient
 
@@ -26,15 +33,22 @@ class Correspondence(WithLaw):
     control: Control | None = None
     affine_exact: ClassVar[bool] = True
 
+    @property
+    def degree(self) -> int:  # type: ignore[override]
+        return 1 if self.control is None else self.control.degree
+
     def __check_init__(self):
         check_law("Correspondence", self.law)
 
     def law_energy(self, bonds: Bonds) -> Float[Array, ""]:
         return energy_of_gradient(self.law, displacement_gradient(bonds))
 
-    def law_state(self, bonds: Bonds) -> Float[Array, "dim dim"]:
-        P = stress_of_gradient(self.law, displacement_gradient(bonds))
-        return solve_positive(shape_tensor_K(bonds), P.T).T
+    def law_moments(self, bond: Bonds) -> tuple[Array, Array]:
+        return gradient_moments(bond)
+
+    def law_state(self, sums: Sums) -> Float[Array, "dim dim"]:
+        P = stress_of_gradient(self.law, gradient_of_moments(sums.reference, sums.deformed))
+        return solve_positive(sums.reference, P.T).T
 
     def law_force(self, here: Float[Array, "dim dim"], bond: Bonds) -> Float[Array, " dim"]:
         return bond.omega * (here @ bond.xi)

@@ -14,7 +14,7 @@ from jaxtyping import Array, Float
 
 from .._checks import as_real, is_concrete
 from ..neighbours import Bonds
-from .base import PROMISES, AbstractModel, PointStateModel, TwoStageModel
+from .base import PROMISES, AbstractModel, PointStateModel, Sums, TwoStageModel
 
 
 class _Graded(AbstractModel):
@@ -56,6 +56,16 @@ class GradedState(_Graded, PointStateModel):
     def point_state(self, bonds: Bonds) -> Any:
         return self.base.point_state(bonds)  # type: ignore[attr-defined]
 
+    def moments(self, bond: Bonds) -> tuple[Any, Any]:
+        return self.base.moments(bond)  # type: ignore[attr-defined]
+
+    def state(self, sums: Sums) -> Any:
+        return self.base.state(sums)  # type: ignore[attr-defined]
+
+    @property
+    def by_moments(self) -> bool:
+        return self.base.by_moments  # type: ignore[attr-defined]
+
     def bond_force(self, here: Any, there: Any, bond: Bonds) -> Float[Array, " dim"]:
         return self.factor * self.base.bond_force(here, there, bond)  # type: ignore[attr-defined]
 
@@ -70,9 +80,11 @@ class GradedTwoStage(_Graded, TwoStageModel):
         return self.factor * self.base.bond_energy(here, there, bond)  # type: ignore[attr-defined]
 
 
+_OWN = {"additive": False, "degree": 0}  # the factor multiplies a force, not the state that it is linear in
+
 for _name in PROMISES:
     for _kind in (GradedEnergy, GradedState, GradedTwoStage):
-        setattr(_kind, _name, property(attrgetter(f"base.{_name}")))
+        setattr(_kind, _name, _OWN[_name] if _name in _OWN else property(attrgetter(f"base.{_name}")))
 
 
 def graded(model: AbstractModel, factor) -> AbstractModel:

@@ -16,9 +16,9 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from .._checks import as_real, check_positive
-from ..kinematics import log_stretch
+from ..kinematics import stretch_minus_one
 from ..neighbours import Bonds
-from .base import PointStateModel
+from .base import PointStateModel, Sums
 from .plane import bulk_and_shear, plane_bulk_modulus
 
 
@@ -28,6 +28,7 @@ class LPS(PointStateModel):
     bulk: Float[Array, "..."] = eqx.field(converter=as_real)
     shear: Float[Array, "..."] = eqx.field(converter=as_real)
     moduli_exact: ClassVar[bool] = False
+    additive: ClassVar[bool] = True
     dims: ClassVar[tuple[int, ...]] = (2, 3)
 
     def __check_init__(self):
@@ -53,7 +54,7 @@ class LPS(PointStateModel):
         """e, θ, m_w, α."""
         dim = bonds.xi.shape[1]
         w, length = bonds.omega * bonds.volume, jnp.linalg.norm(bonds.xi, axis=1)
-        e = length * jnp.expm1(log_stretch(bonds.xi, bonds.eta))
+        e = length * stretch_minus_one(bonds.xi, bonds.eta)
         m_w = jnp.sum(w * length**2)
         return e, dim * jnp.sum(w * length * e) / m_w, m_w, dim * (dim + 2) * self.shear / m_w
 
@@ -62,14 +63,17 @@ class LPS(PointStateModel):
         deviation = e - theta * jnp.linalg.norm(bonds.xi, axis=1) / bonds.xi.shape[1]
         return 0.5 * self.bulk * theta**2 + 0.5 * alpha * jnp.sum(bonds.omega * bonds.volume * deviation**2)
 
-    def point_state(self, bonds: Bonds) -> tuple[Array, Array]:
-        dim = bonds.xi.shape[1]
-        _, theta, m_w, alpha = self._extensions(bonds)
+    def moments(self, bond: Bonds) -> tuple[Array, Array]:
+        square = jnp.dot(bond.xi, bond.xi)
+        w = bond.omega * bond.volume * square
+        return w, w * stretch_minus_one(bond.xi, bond.eta)
+
+    def state(self, sums: Sums) -> tuple[Array, Array]:
+        dim, m_w = sums.dim, sums.reference
+        theta, alpha = dim * sums.deformed / m_w, dim * (dim + 2) * self.shear / m_w
         return (dim * self.bulk / m_w - alpha / dim) * theta, alpha
 
     def bond_force(self, here: tuple[Array, Array], there, bond: Bonds) -> Float[Array, " dim"]:
         p, alpha = here
-        ell = log_stretch(bond.xi, bond.eta)
-        length = jnp.linalg.norm(bond.xi)
-        pull = p * length + alpha * length * jnp.expm1(ell)
-        return bond.omega * pull * jnp.exp(-ell) / length * (bond.xi + bond.eta)
+        e = stretch_minus_one(bond.xi, bond.eta)
+        return bond.omega * (p + alpha * e) / (1 + e) * (bond.xi + bond.eta)

@@ -19,7 +19,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .._checks import as_real
+from .._checks import as_real, is_concrete
 from ..kinematics import (
     bond_strain_moment,
     direction_mandel,
@@ -27,12 +27,14 @@ from ..kinematics import (
     local_strain,
     log_stretch,
     mandel_basis,
+    seth_hill,
     shape_tensor_L,
     solve_positive,
     to_mandel,
 )
 from ..laws import Law, law_stress
 from ..neighbours import Bonds
+from .base import Sums
 from .control import Control
 from .with_law import WithLaw
 
@@ -47,6 +49,12 @@ class BondStrainModel(WithLaw):
                 f" deformation gradient to give; got {self.law!r}"
             )
 
+    @property
+    def degree(self) -> int:  # type: ignore[override]
+        """2 for m = 1 where that is known (not traced), without a control that is of none."""
+        quadratic = is_concrete(self.m) and bool(np.all(np.asarray(self.m) == 1))
+        return 2 if quadratic and (self.control is None or self.control.degree) else 0
+
     def fourth(self, bonds: Bonds) -> Float[Array, "p p"]:
         """L as a Mandel matrix [length^dim]."""
         raise NotImplementedError
@@ -54,13 +62,27 @@ class BondStrainModel(WithLaw):
     def law_energy(self, bonds: Bonds) -> Float[Array, ""]:
         return self.law.energy(self.strain(bonds))
 
-    def law_state(self, bonds: Bonds) -> Float[Array, " p"]:
-        return solve_positive(self.fourth(bonds), to_mandel(self.stress(bonds)))
+    def fourth_moment(self, bond: Bonds) -> Array:
+        """What one bond adds to the sum that `fourth_of` makes L from."""
+        raise NotImplementedError
+
+    def fourth_of(self, total: Array, dim: int) -> Float[Array, "p p"]:
+        raise NotImplementedError
+
+    def law_moments(self, bond: Bonds) -> tuple[Array, Array]:
+        w = bond.omega * bond.volume
+        e = seth_hill(log_stretch(bond.xi, bond.eta), self.m)
+        return self.fourth_moment(bond), w * e * direction_mandel(bond.xi)
+
+    def law_state(self, sums: Sums) -> Float[Array, " p"]:
+        L = self.fourth_of(sums.reference, sums.dim)
+        E = from_mandel(solve_positive(L, sums.deformed), sums.dim)
+        return solve_positive(L, to_mandel(law_stress(self.law, E)))
 
     def law_force(self, here: Float[Array, " p"], bond: Bonds) -> Float[Array, " dim"]:
         growth = jnp.exp(2 * (self.m - 1) * log_stretch(bond.xi, bond.eta))  # s^{2m} / s²
-        square = jnp.sum(bond.xi * bond.xi, axis=-1)
-        return bond.omega * (direction_mandel(bond.xi) @ here) * growth / square * (bond.xi + bond.eta)
+        scale = bond.omega / jnp.sum(bond.xi * bond.xi, axis=-1)
+        return scale * (direction_mandel(bond.xi) @ here) * growth * (bond.xi + bond.eta)
 
     def shape_tensor(self, bonds: Bonds) -> Float[Array, "p p"]:
         return shape_tensor_L(bonds)
@@ -88,6 +110,13 @@ class SethHill(BondStrainModel):
     def fourth(self, bonds: Bonds) -> Float[Array, "p p"]:
         return shape_tensor_L(bonds)
 
+    def fourth_moment(self, bond: Bonds) -> Array:
+        v = direction_mandel(bond.xi)
+        return bond.omega * bond.volume * jnp.outer(v, v)
+
+    def fourth_of(self, total: Array, dim: int) -> Float[Array, "p p"]:
+        return total
+
 
 class TupekRadovitzky(BondStrainModel):
     """Extended correspondence of order m [-]: the shape tensor of a full ball for every family."""
@@ -98,7 +127,12 @@ class TupekRadovitzky(BondStrainModel):
     moduli_exact: ClassVar[bool] = False
 
     def fourth(self, bonds: Bonds) -> Float[Array, "p p"]:
-        dim = bonds.xi.shape[-1]
+        return self.fourth_of(jnp.sum(bonds.omega * bonds.volume), bonds.xi.shape[-1])
+
+    def fourth_moment(self, bond: Bonds) -> Array:
+        return bond.omega * bond.volume
+
+    def fourth_of(self, total: Array, dim: int) -> Float[Array, "p p"]:
         trace = np.trace(mandel_basis(dim), axis1=1, axis2=2)
         ball = (np.outer(trace, trace) + 2 * np.eye(len(trace))) / (dim * (dim + 2))
-        return jnp.sum(bonds.omega * bonds.volume) * jnp.asarray(ball, dtype=bonds.xi.dtype)
+        return total * jnp.asarray(ball, dtype=total.dtype)

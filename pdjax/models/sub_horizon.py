@@ -13,15 +13,15 @@ The axes are preferred directions: the lattice's symmetry is kept, isotropy is n
 """
 
 import itertools
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..kinematics import solve_positive
-from ..neighbours import Bonds
-from .base import PointStateModel
+from ..neighbours import EACH_BOND, Bonds
+from .base import PointStateModel, Sums
 from .bond_level import GradientModel
 from .with_law import energy_of_gradient, stress_of_gradient
 
@@ -42,35 +42,40 @@ class SubHorizon(GradientModel, PointStateModel):
 
     even: ClassVar[bool] = False
 
-    def _shapes(self, bonds: Bonds) -> tuple[Array, Array, Array]:
-        """χ_s w of every bond, K_s of every sector, and which sectors are kept."""
-        dim = bonds.xi.shape[1]
-        share = jax.vmap(sectors)(bonds.xi) * (bonds.omega * bonds.volume)[:, None]
-        K = jnp.einsum("bs,bi,bj->sij", share, bonds.xi, bonds.xi)
-        size = jnp.trace(K, axis1=1, axis2=2) / dim
+    def moments(self, bond: Bonds) -> tuple[Any, Any]:
+        share = sectors(bond.xi) * bond.omega * bond.volume
+        K, M = (x[None] * share[:, None, None] for x in (jnp.outer(bond.xi, bond.xi), jnp.outer(bond.eta, bond.xi)))
+        return (share, K), M
+
+    def _sums(self, bonds: Bonds) -> tuple[Any, Any]:
+        return jax.tree.map(lambda x: jnp.sum(x, axis=0), jax.vmap(self.moments, (EACH_BOND,))(bonds))
+
+    def _kept(self, K: Float[Array, "sectors dim dim"]) -> Array:
+        """Which sectors are kept."""
+        size = jnp.trace(K, axis1=1, axis2=2) / K.shape[-1]
         unit = K / jnp.where(size > 0, size, 1.0)[:, None, None]
-        return share, K, (size > 0) & (jnp.linalg.det(unit) > SPAN)
+        return (size > 0) & (jnp.linalg.det(unit) > SPAN)
 
     def shape_tensor(self, bonds: Bonds) -> Float[Array, "*sub n n"]:
         """K [length^(dim+2)], zero where no sector of the family spans space."""
-        _, K, kept = self._shapes(bonds)
-        return jnp.where(jnp.any(kept), jnp.sum(K, axis=0), 0.0)
+        (_, K), _ = self._sums(bonds)
+        return jnp.where(jnp.any(self._kept(K)), jnp.sum(K, axis=0), 0.0)
 
-    def _sectors(self, bonds: Bonds) -> tuple[Array, Array, Array]:
-        """K_s⁻¹ (I where dropped), H_s = F̄_s − I and p_s (0 where dropped) of every sector."""
-        share, K, kept = self._shapes(bonds)
-        I = jnp.eye(bonds.xi.shape[1], dtype=K.dtype)
+    def _sectors(self, reference: tuple[Array, Array], M: Array) -> tuple[Array, Array, Array]:
+        """K_s⁻¹ (I where dropped), H_s = F̄_s − I and p_s (0 where dropped) of every sector, from the sums."""
+        share, K = reference
+        kept = self._kept(K)
+        I = jnp.eye(K.shape[-1], dtype=K.dtype)
         inverse = jax.vmap(lambda A: solve_positive(A, I))(jnp.where(kept[:, None, None], K, I))
-        H = jnp.einsum("bs,bi,bj,sjk->sik", share, bonds.eta, bonds.xi, inverse)
-        weight = jnp.where(kept, jnp.sum(share, axis=0), 0.0)
-        return inverse, jnp.where(kept[:, None, None], H, 0.0), weight / jnp.sum(weight)
+        weight = jnp.where(kept, share, 0.0)
+        return inverse, jnp.where(kept[:, None, None], M @ inverse, 0.0), weight / jnp.sum(weight)
 
     def energy(self, bonds: Bonds) -> Float[Array, ""]:
-        _, H, part = self._sectors(bonds)
+        _, H, part = self._sectors(*self._sums(bonds))
         return jnp.dot(part, jax.vmap(lambda H: energy_of_gradient(self.law, H))(H))
 
-    def point_state(self, bonds: Bonds) -> Float[Array, "sectors dim dim"]:
-        inverse, H, part = self._sectors(bonds)
+    def state(self, sums: Sums) -> Float[Array, "sectors dim dim"]:
+        inverse, H, part = self._sectors(sums.reference, sums.deformed)
         P = jax.vmap(lambda H: stress_of_gradient(self.law, H))(H)
         return part[:, None, None] * (P @ inverse)
 

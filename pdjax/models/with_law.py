@@ -4,15 +4,16 @@
 W = W_law + W_control,    T = T_law + T_control,    A = (A_law, A_control)
 """
 
-from typing import Any
+from typing import Any, ClassVar
 
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from ..kinematics import gradient_moments
 from ..laws import Law
 from ..neighbours import Bonds
-from .base import PointStateModel
+from .base import PointStateModel, Sums
 
 
 def check_law(name: str, law: Any) -> None:
@@ -39,7 +40,10 @@ def moduli_at_rest(law: Law, dim: int, dtype: Any) -> Float[Array, "dim dim dim 
 
 
 class WithLaw(PointStateModel):
-    """Subclasses have the fields `law` and `control`; `law_energy`, `law_state`, `law_force` are without control."""
+    """Subclasses have the fields `law` and `control`; `law_energy`, `law_moments`, `law_state`, `law_force` are without
+    control."""
+
+    additive: ClassVar[bool] = True
 
     @property
     def hyperelastic(self) -> bool:  # type: ignore[override]
@@ -61,7 +65,11 @@ class WithLaw(PointStateModel):
         """W_law [energy/length^dim]."""
         raise NotImplementedError
 
-    def law_state(self, bonds: Bonds) -> Any:
+    def law_moments(self, bond: Bonds) -> tuple[Any, Any]:
+        """What one bond adds to the sums behind A_law."""
+        raise NotImplementedError
+
+    def law_state(self, sums: Sums) -> Any:
         """A_law."""
         raise NotImplementedError
 
@@ -69,16 +77,26 @@ class WithLaw(PointStateModel):
         """T_law on one bond [force/length^(2 dim)]."""
         raise NotImplementedError
 
-    def _moduli(self, bonds: Bonds) -> Float[Array, "dim dim dim dim"]:
-        return moduli_at_rest(self.law, bonds.xi.shape[1], bonds.xi.dtype)
-
     def energy(self, bonds: Bonds) -> Float[Array, ""]:
         energy = self.law_energy(bonds)
-        return energy if self.control is None else energy + self.control.energy(bonds, self._moduli(bonds))
+        if self.control is None:
+            return energy
+        return energy + self.control.energy(bonds, moduli_at_rest(self.law, bonds.xi.shape[1], bonds.xi.dtype))
 
-    def point_state(self, bonds: Bonds) -> Any:
-        state = self.law_state(bonds)
-        return state if self.control is None else (state, self.control.state(bonds, self._moduli(bonds)))
+    def moments(self, bond: Bonds) -> tuple[Any, Any]:
+        reference, deformed = self.law_moments(bond)
+        if self.control is None:
+            return reference, deformed
+        K, M = gradient_moments(bond)
+        return (reference, K), (deformed, M)
+
+    def state(self, sums: Sums) -> Any:
+        if self.control is None:
+            return self.law_state(sums)
+        (reference, K), (deformed, M) = sums.reference, sums.deformed
+        own = self.law_state(sums._replace(reference=reference, deformed=deformed))
+        moduli = moduli_at_rest(self.law, sums.dim, K.dtype)
+        return own, self.control.state(sums._replace(reference=K, deformed=M), moduli)
 
     def bond_force(self, here: Any, there: Any, bond: Bonds) -> Float[Array, " dim"]:
         if self.control is None:

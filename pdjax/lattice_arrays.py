@@ -1,0 +1,73 @@
+"""The families of a lattice, from one stencil: no search.
+
+A bond of a lattice is an offset o of whole cells; the point at cell c has it where cell c + o is filled (or lies
+across a periodic edge). Slots are filled offset by offset, in the order of the offsets, so that everything needs
+memory of a few numbers a point beside the answer.
+"""
+
+import itertools
+
+import numpy as np
+
+from .points import Points
+
+
+def shifted(numbers: np.ndarray, offset: tuple[int, ...], periodic: tuple[bool, ...]) -> np.ndarray:
+    """numbers[c + offset] at every cell c; −1 beyond an edge that is not periodic."""
+    out = np.full_like(numbers, -1)
+    here, there = [], []
+    for n, o, wraps in zip(numbers.shape, offset, periodic, strict=True):
+        if wraps:
+            cut = o % n
+            here.append([slice(0, n - cut), slice(n - cut, n)])
+            there.append([slice(cut, n), slice(0, cut)])
+        else:
+            here.append([slice(max(0, -o), n - max(0, o))])
+            there.append([slice(max(0, o), n - max(0, -o))])
+    for a, b in zip(itertools.product(*here), itertools.product(*there), strict=True):
+        out[a] = numbers[b]
+    return out
+
+
+class LatticeArrays:
+    """count (points,) of bonds; unless not `arrays`: neighbours, reverse (points, slots) int32, and offset (points,
+    slots), the number of the bond's offset (−1: padding). Without arrays: `patterns` (kinds, offsets), which bonds
+    the different kinds of families have, and `examples` (kinds,), a point of each."""
+
+    def __init__(self, body: Points, offsets: np.ndarray, periodic: tuple[bool, ...], arrays: bool):
+        points = len(body)
+        assert body.cells is not None
+        filled = np.full(int(np.prod(body.cells)), -1, dtype=np.int32)
+        sites = np.arange(points) if body.sites is None else body.sites
+        filled[sites] = np.arange(points, dtype=np.int32)
+        grid = filled.reshape(body.cells)
+        own = np.arange(points, dtype=np.int32)
+        self.count = np.zeros(points, dtype=np.int32)
+        there = np.zeros((0 if arrays else points, len(offsets)), dtype=bool)
+        place = np.full(
+            (len(offsets) if arrays else 0, points), -1, dtype=np.int16
+        )  # slot of each offset at each point
+        for b, offset in enumerate(offsets.tolist()):
+            found = shifted(grid, tuple(offset), periodic).reshape(-1)[sites] >= 0
+            if arrays:
+                place[b, found] = self.count[found]
+            else:
+                there[:, b] = found
+            self.count += found
+        if not arrays:
+            packed = np.packbits(there, axis=1)
+            rows = packed.view([("", packed.dtype)] * packed.shape[1]).reshape(-1)
+            self.examples = np.unique(rows, return_index=True)[1]
+            self.patterns = there[self.examples]
+            return
+        width = int(self.count.max())
+        self.neighbours = np.broadcast_to(own[:, None], (points, width)).copy()
+        self.reverse = np.broadcast_to(np.arange(width, dtype=np.int32)[None, :], (points, width)).copy()
+        self.offset = np.full((points, width), -1, dtype=np.int16)
+        for b, offset in enumerate(offsets.tolist()):
+            j = shifted(grid, tuple(offset), periodic).reshape(-1)[sites]
+            i = np.flatnonzero(j >= 0)
+            slot = place[b, i]
+            self.neighbours[i, slot] = j[i]
+            self.reverse[i, slot] = place[len(offsets) - 1 - b, j[i]]  # lexicographic order: −o is the mirror place
+            self.offset[i, slot] = b

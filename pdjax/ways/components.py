@@ -1,0 +1,296 @@
+"""Component by component: a function of small arrays, for many points at once, as plain arithmetic on long arrays.
+
+A model is written for one bond, in vectors and small matrices. `jax.vmap` of it makes arrays whose last axis has length
+3 and small batched matrix products: XLA runs those at 10 to 60 ns a bond on a CPU. Here the function is traced once
+for one point, and each of its operations is carried out on *components*: an array of shape (3, 3) of a point is a
+NumPy object array of nine entries, each a JAX array over the points (or a number shared by them). Elementwise
+operations then run over contiguous memory and fuse; zeros and ones of constant tensors are dropped on the way.
+
+Operations that only move entries are replayed on an array of indices. What is not known here is stacked, batched by
+`jax.vmap` and taken apart again: right for every function, fast for the arithmetic of models.
+"""
+
+import functools
+import itertools
+from collections.abc import Callable
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.extend import core
+
+Components = np.ndarray  # of objects: JAX arrays over the points, 0-d JAX arrays, or NumPy scalars
+
+_MOVES = {"broadcast_in_dim", "reshape", "slice", "squeeze", "transpose", "rev", "copy", "expand_dims"}
+_MOVES_MANY = {"concatenate", "split", "pad", "stack"}
+_PRICES = {
+    "exp": 8,
+    "log": 16,
+    "log1p": 20,
+    "expm1": 16,
+    "pow": 30,
+    "div": 5,
+    "sqrt": 5,
+    "sin": 20,
+    "cos": 20,
+    "tanh": 10,
+}
+DEAR = 25.0  # operations: some 3 ns a point
+_ELEMENTWISE = set(
+    "abs acos asin atan atan2 cbrt ceil cos cosh erf exp exp2 expm1 floor log log1p max min neg not pow rem round rsqrt"
+    " sign sin sinh sqrt square tan tanh integer_pow convert_element_type is_finite eq ne lt le gt ge and or xor"
+    " div sub mul add add_any select_n clamp stop_gradient".split()
+)
+_REDUCTIONS: dict[str, Any] = {
+    "reduce_sum": None,
+    "reduce_prod": None,
+    "reduce_max": jnp.maximum,
+    "reduce_min": jnp.minimum,
+    "reduce_and": jnp.logical_and,
+    "reduce_or": jnp.logical_or,
+}
+_INLINED = {"jit", "pjit", "closed_call", "core_call", "custom_lin"}
+
+
+def split(x: Any, batched: bool = True) -> Components:
+    """(…, points) → components (…) over the points; not batched: (…) → shared numbers."""
+    shape = x.shape[:-1] if batched else np.shape(x)
+    out = np.empty(shape, dtype=object)
+    known = not batched and not isinstance(x, jax.core.Tracer) and not isinstance(x, jax.Array)
+    for at in np.ndindex(*shape):
+        out[at] = np.asarray(x)[at] if known else x[at]
+    return out
+
+
+def join(x: Components, points: int) -> jax.Array:
+    """Components (…) → (…, points)."""
+    rows = [jnp.broadcast_to(entry, (points,)) for entry in x.reshape(-1)]
+    return jnp.stack(rows).reshape((*x.shape, points)) if x.ndim else rows[0]
+
+
+def _known(entry: Any) -> bool:
+    return isinstance(entry, np.generic | bool | int | float)
+
+
+def _is(entry: Any, value: float) -> bool:
+    return bool(_known(entry) and entry == value)
+
+
+def _simplified(name: str, a: Any, b: Any) -> Any:
+    """a ∘ b where one is a constant 0 or 1 and nothing needs to be computed; else None."""
+    if name == "mul":
+        if _is(a, 0) or _is(b, 1):
+            return a
+        if _is(b, 0) or _is(a, 1):
+            return b
+    elif name in ("add", "add_any"):
+        if _is(a, 0):
+            return b
+        if _is(b, 0):
+            return a
+    elif (name == "sub" and _is(b, 0)) or (name == "div" and (_is(a, 0) or _is(b, 1))):
+        return a
+    return None
+
+
+def _bind(primitive: Any, params: dict, entries: list) -> Any:
+    """One elementwise primitive on entries: constants on the host, everything else with points where any has them."""
+    if all(_known(e) for e in entries):
+        with jax.ensure_compile_time_eval():
+            return np.asarray(primitive.bind(*map(jnp.asarray, entries), **params))[()]
+    entries = [jnp.asarray(e) for e in entries]
+    shape = jnp.broadcast_shapes(*(e.shape for e in entries))
+    return primitive.bind(*(jnp.broadcast_to(e, shape) for e in entries), **params)
+
+
+def _elementwise(eqn: Any, operands: list[Components], costs: "_Costs") -> Components:
+    name, shape = eqn.primitive.name, eqn.outvars[0].aval.shape
+    out = np.empty(shape, dtype=object)
+    operands = [np.broadcast_to(x, shape) for x in operands]  # a primitive may stretch axes of length 1
+    for at in np.ndindex(*shape):
+        entries = [x[at] for x in operands]
+        done = _simplified(name, *entries) if len(entries) == 2 else None
+        if done is None:
+            done = _bind(eqn.primitive, eqn.params, entries)
+            costs.note(done, entries, _PRICES.get(name, 1))
+        out[at] = done
+    return out
+
+
+def _indices(shape: tuple[int, ...], start: int = 0) -> np.ndarray:
+    return np.arange(start, start + int(np.prod(shape)), dtype=np.int32).reshape(shape)
+
+
+def _moved(eqn: Any, operands: list[Components]) -> list[Components]:
+    """Replay an operation that only moves entries on an array of their numbers."""
+    flat = np.concatenate([x.reshape(-1) for x in operands])
+    starts = np.cumsum([0, *(x.size for x in operands[:-1])])
+    numbers = [_indices(x.shape, int(s)) for x, s in zip(operands, starts, strict=True)]
+    with jax.ensure_compile_time_eval():
+        out = eqn.primitive.bind(*map(jnp.asarray, numbers), **eqn.params)
+    results = out if eqn.primitive.multiple_results else [out]
+    return [flat[np.asarray(r).reshape(-1)].reshape(r.shape) for r in results]
+
+
+def _sum_of_products(rows: list[tuple], dtype: Any, costs: "_Costs") -> Any:
+    """Σ of products of entries, in the order given, zeros and ones left out."""
+    total = np.zeros((), dtype)[()]
+    for factors in rows:
+        term = factors[0]
+        for factor in factors[1:]:
+            done = _simplified("mul", term, factor)
+            product = term * factor if done is None else done
+            if done is None:
+                costs.note(product, [term, factor], 1)
+            term = product
+        done = _simplified("add", total, term)
+        after = total + term if done is None else done
+        if done is None:
+            costs.note(after, [total, term], 1)
+        total = after
+    return total
+
+
+def _dot(a: Components, b: Components, dimension_numbers: Any, dtype: Any, costs: "_Costs") -> Components:
+    (ca, cb), (ba, bb) = dimension_numbers
+    fa = [i for i in range(a.ndim) if i not in (*ca, *ba)]
+    fb = [i for i in range(b.ndim) if i not in (*cb, *bb)]
+    a, b = a.transpose((*ba, *fa, *ca)), b.transpose((*bb, *fb, *cb))
+    batch, rows, columns = (
+        a.shape[: len(ba)],
+        a.shape[len(ba) : len(ba) + len(fa)],
+        b.shape[len(bb) : len(bb) + len(fb)],
+    )
+    a = a.reshape(int(np.prod(batch)), int(np.prod(rows)), -1)
+    b = b.reshape(int(np.prod(batch)), int(np.prod(columns)), -1)
+    out = np.empty((len(a), a.shape[1], b.shape[1]), dtype=object)
+    for g, i, j in itertools.product(*map(range, out.shape)):
+        out[g, i, j] = _sum_of_products(list(zip(a[g, i], b[g, j], strict=True)), dtype, costs)
+    return out.reshape((*batch, *rows, *columns))
+
+
+def _reduced(eqn: Any, x: Components, costs: "_Costs") -> Components:
+    axes = eqn.params["axes"]
+    kept = [i for i in range(x.ndim) if i not in axes]
+    rows = x.transpose((*kept, *axes)).reshape((*(x.shape[i] for i in kept), -1))
+    out = np.empty(rows.shape[:-1], dtype=object)
+    name, dtype = eqn.primitive.name, eqn.outvars[0].aval.dtype
+    for at in np.ndindex(*out.shape):
+        if name == "reduce_sum":
+            out[at] = _sum_of_products([(e,) for e in rows[at]], dtype, costs)
+        elif name == "reduce_prod":
+            out[at] = _sum_of_products([tuple(rows[at])], dtype, costs)
+        else:
+            out[at] = functools.reduce(_REDUCTIONS[name], rows[at])
+    return out
+
+
+def _batched(eqn: Any, operands: list[Components]) -> list[Components]:
+    """Any other operation: stacked, batched, taken apart."""
+    given = {v: x for v, x in zip(eqn.invars, operands, strict=True) if not isinstance(v, core.Literal)}
+    lengths = [np.shape(e) for x in given.values() for e in x.reshape(-1) if np.ndim(e)]
+    points = lengths[0][0] if lengths else 1
+    alone = core.jaxpr_as_fun(core.ClosedJaxpr(core.Jaxpr((), [*given], eqn.outvars, [eqn]), ()))
+    arrays = [join(x, points).astype(v.aval.dtype) for v, x in given.items()]
+    return [split(y) for y in jax.vmap(alone, -1, -1)(*arrays)]
+
+
+def _fans(jaxpr: Any) -> dict:
+    """How often an entry of each variable is read by what follows; operations that only move are looked through."""
+    fans = {v: 0.0 for v in jaxpr.invars}
+    for v in jaxpr.outvars:
+        if not isinstance(v, core.Literal):
+            fans[v] = fans.get(v, 0.0) + 1
+    for eqn in reversed(jaxpr.eqns):
+        name, out = eqn.primitive.name, eqn.outvars[0]
+        moves = name in _MOVES or name in _MOVES_MANY
+        for v in eqn.invars:
+            if isinstance(v, core.Literal):
+                continue
+            spread = max(1.0, out.aval.size / max(1, v.aval.size)) if moves or name in _ELEMENTWISE else 1.0
+            if name == "dot_general":
+                spread = max(1.0, out.aval.size / max(1, v.aval.size))
+            fans[v] = fans.get(v, 0.0) + spread * (fans.get(out, 0.0) if moves else 1.0)
+    return fans
+
+
+class _Costs:
+    """What it costs to compute an entry anew, in operations since it was last kept; and the keeping.
+
+    XLA on a CPU computes an intermediate again in every kernel that reads it, unless its last operation is one that
+    it thinks expensive, such as a division. So what is dear and read more than once is divided by `one`, an input
+    whose value is 1.
+    """
+
+    def __init__(self, one: Any, inputs: dict[int, float]):
+        self.one, self.of = one, inputs
+
+    def note(self, entry: Any, operands: list, own: float) -> None:
+        self.of[id(entry)] = own + sum(self.of.get(id(x), 0.0) for x in operands)
+
+    def kept(self, x: Components, fan: float) -> Components:
+        if self.one is None or fan < 2:
+            return x
+        out = np.empty(x.shape, dtype=object)
+        for at in np.ndindex(*x.shape):
+            entry = x[at]
+            if np.ndim(entry) and self.of.get(id(entry), 0.0) >= DEAR:
+                entry = entry / self.one
+                self.of[id(entry)] = 1.0
+            out[at] = entry
+        return out
+
+
+def _step(eqn: Any, operands: list[Components], costs: _Costs) -> list[Components]:
+    name = eqn.primitive.name
+    if name in _ELEMENTWISE:
+        return [_elementwise(eqn, operands, costs)]
+    if name in _MOVES or name in _MOVES_MANY:
+        return _moved(eqn, operands)
+    if name in _REDUCTIONS:
+        return [_reduced(eqn, operands[0], costs)]
+    if name == "dot_general":
+        a, b = operands
+        return [_dot(a, b, eqn.params["dimension_numbers"], eqn.outvars[0].aval.dtype, costs)]
+    if name in _INLINED and "jaxpr" in eqn.params:
+        inner = eqn.params["jaxpr"]
+        return _run(inner.jaxpr, inner.consts, operands, costs)
+    if name == "iota":
+        with jax.ensure_compile_time_eval():
+            return [split(np.asarray(eqn.primitive.bind(**eqn.params)), False)]
+    out = _batched(eqn, operands)
+    for entry in (e for x in out for e in x.reshape(-1)):
+        costs.note(entry, [e for x in operands for e in x.reshape(-1)], 2 * DEAR)
+    return out
+
+
+def _run(jaxpr: Any, consts: list, operands: list[Components], costs: _Costs) -> list[Components]:
+    known = dict(zip(jaxpr.constvars, (split(c, False) for c in consts), strict=True))
+    fans = _fans(jaxpr)
+    known.update((v, costs.kept(x, fans[v])) for v, x in zip(jaxpr.invars, operands, strict=True))
+
+    def read(v):
+        return split(np.asarray(v.val), False) if isinstance(v, core.Literal) else known[v]
+
+    for eqn in jaxpr.eqns:
+        out = _step(eqn, [read(v) for v in eqn.invars], costs)
+        known.update((v, costs.kept(x, fans.get(v, 0.0))) for v, x in zip(eqn.outvars, out, strict=True))
+    return [read(v) for v in jaxpr.outvars]
+
+
+def by_components(function: Callable, dtype: Any, one: Any = None, dear: list | None = None) -> Callable:
+    """`function` of trees of small arrays → the same function of trees of `Components`, all floats being of `dtype`.
+
+    `one`: an array of value 1 that the compiler does not know, to keep dear intermediates with; `dear`: entries among
+    the arguments that are costly to read.
+    """
+
+    def run(*trees):
+        leaves, structure = jax.tree.flatten(trees)
+        shapes = [jax.ShapeDtypeStruct(x.shape, dtype) for x in leaves]
+        made, out = jax.make_jaxpr(lambda *xs: function(*jax.tree.unflatten(structure, xs)), return_shape=True)(*shapes)
+        costs = _Costs(one, {id(x): DEAR for x in dear or ()})
+        return jax.tree.unflatten(jax.tree.structure(out), _run(made.jaxpr, made.consts, leaves, costs))
+
+    return run

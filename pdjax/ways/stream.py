@@ -1,0 +1,275 @@
+# mypy: disable-error-code="arg-type, union-attr"
+"""The force density of a model by moments, streamed over a walk: memory of a few numbers a point, never points × bonds.
+
+    first pass    Σ_b moments(bond b) → A            at every point
+    second pass   f = Σ_b V_j [t(A_i, A_j, bond) − t(A_j, A_i, −bond)] = Σ_b V_j t(A_i + A_j, bond)
+
+the last for models that promise `additive` on bodies whose bonds weigh the same from both ends. What depends on the
+reference configuration alone is summed once, by `reference_sums`.
+"""
+
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from ..models.base import PointStateModel, Sums
+from ..neighbours import Bonds
+from .components import by_components, join
+from .walks import GridWalk, Slot, Walk
+
+
+def _flat(x: Array) -> Array:
+    """(points, …) → (points, components)."""
+    return x.reshape(x.shape[0], -1)
+
+
+class _Varying:
+    """The constants of a model that vary from point to point, laid out by a walk."""
+
+    def __init__(self, model: PointStateModel, walk: Walk, points: int):
+        varying, self.shared = eqx.partition(
+            model, lambda leaf: eqx.is_array(leaf) and leaf.ndim > 0 and leaf.shape[0] == points
+        )
+        leaves, self.structure = jax.tree.flatten(varying)
+        self.shapes = [x.shape[1:] for x in leaves]
+        self.rows = [_rows(walk, walk.embed(_flat(x))) for x in leaves]
+
+    def __bool__(self) -> bool:
+        return bool(self.rows)
+
+    def components(self, read: Callable) -> list[np.ndarray]:
+        """`read` at a block or at its neighbours."""
+        return [_trees(None, [s], [read(row) for row in x]) for x, s in zip(self.rows, self.shapes, strict=True)]
+
+    def single(self) -> PointStateModel:
+        """The model with the constants of one point, for shapes."""
+        return self.model([jnp.zeros(s) for s in self.shapes])
+
+    def model(self, leaves: list) -> PointStateModel:
+        return eqx.combine(jax.tree.unflatten(self.structure, leaves), self.shared)
+
+
+def _rows(walk: Walk, x: Array) -> list[Array]:
+    """(components, flat) → opened rows, taken apart once: a row cut out inside a loop is a copy at every step."""
+    return [walk.open(x[k]) for k in range(x.shape[0])]
+
+
+def _bond(
+    walk: Walk,
+    u: list[Array],
+    here: list[Array],
+    gradient: Array | None,
+    c: Any,
+    slot: Slot,
+    volumes: Array,
+    horizon: Array,
+):
+    """The bonds of one slot, by components."""
+    dim = len(u)
+    xi, eta = np.empty(dim, dtype=object), np.empty(dim, dtype=object)
+    for k in range(dim):
+        xi[k] = slot.xi[k]
+    for k in range(dim):
+        eta[k] = walk.far(u[k], c, slot) - here[k]
+        if gradient is not None:
+            eta[k] = eta[k] + sum(gradient[k, l] * xi[l] for l in range(dim))
+    return Bonds(xi, eta, _one(slot.omega), _one(walk.far(volumes, c, slot)), _one(horizon))
+
+
+def _one(x: Any) -> np.ndarray:
+    out = np.empty((), dtype=object)
+    out[()] = x
+    return out
+
+
+def _over_slots(walk: Walk, c: Any, body: Callable, start: list[Array], pairs: float) -> list[Array]:
+    """Σ over the slots of a block of what `body(slot)` gives: lists of (block,) arrays.
+
+    `pairs` ±1: a bond gives its far end `pairs` times what it gives its near end, so one slot of each opposite two is
+    enough; 0: nothing is known of it.
+    """
+
+    @partial(jax.checkpoint, prevent_cse=False)
+    def add(total, numbers):
+        for number in numbers:
+            slot = walk.slot(number, c)
+            share = body(slot)
+            total = [a + b for a, b in zip(total, share, strict=True)]
+            if pairs:
+                total = [a + pairs * walk.returned(b, slot) for a, b in zip(total, share, strict=True)]
+        return total
+
+    numbers = walk.numbers(bool(pairs))
+    left = [n for n in numbers[-1] if n >= 0]
+    whole = numbers[:-1] if len(left) < numbers.shape[1] else numbers
+    total, _ = jax.lax.scan(lambda total, step: (add(total, list(step)), None), start, jnp.asarray(whole))
+    return add(total, left) if len(whole) < len(numbers) else total
+
+
+def _by_blocks(walk: Walk, one: Callable) -> Array:
+    """one(c) → (components, block) for every block → (components, flat)."""
+    if walk.blocks == 1:
+        return one(0)
+    out = jax.lax.map(one, jnp.arange(walk.blocks))
+    return jnp.moveaxis(out, 0, 1).reshape(out.shape[1], walk.blocks * walk.block)
+
+
+def _sizes(model: PointStateModel, which: int, dim: int, dtype: Any) -> tuple[Any, list[tuple[int, ...]]]:
+    """Structure and shapes of one tree of moments."""
+    one = Bonds(*(jax.ShapeDtypeStruct(s, dtype) for s in ((dim,), (dim,), (), (), ())))
+    tree = jax.eval_shape(model.moments, one)[which]
+    leaves, structure = jax.tree.flatten(tree)
+    return structure, [x.shape for x in leaves]
+
+
+def _entries(tree: Any) -> list:
+    return [e for x in jax.tree.leaves(tree) for e in x.reshape(-1)]
+
+
+def _trees(structure: Any, shapes: list[tuple[int, ...]], rows: Any) -> Any:
+    """Rows (one an entry) → the tree of components that they are."""
+    leaves, at = [], 0
+    for shape in shapes:
+        size = int(np.prod(shape))
+        leaf = np.empty(size, dtype=object)
+        for k in range(size):
+            leaf[k] = rows[at + k]
+        leaves.append(leaf.reshape(shape))
+        at += size
+    return jax.tree.unflatten(structure, leaves) if structure is not None else leaves[0]
+
+
+def _in_pairs(model: PointStateModel, walk: Walk, varying: _Varying) -> bool:
+    """Whether what a bond gives its two ends is the same but for the sign: on a lattice of one material."""
+    return (
+        model.even
+        and model.additive
+        and not model.degree
+        and isinstance(walk, GridWalk)
+        and walk.blocks == 1
+        and not varying
+    )
+
+
+def _sum_moments(model: PointStateModel, walk: Walk, which: int, u: Array, gradient, horizon) -> Array:
+    """One tree of moments summed over every family: (entries, flat)."""
+    dim, dtype = u.shape[0], u.dtype
+    varying = _Varying(model, walk, walk.collect(walk.volumes[None]).shape[0])
+    _, shapes = _sizes(varying.single(), which, dim, dtype)
+    count = sum(int(np.prod(s)) for s in shapes)
+    opened, volumes = _rows(walk, u), walk.open(walk.volumes)
+    pairs = 1.0 if _in_pairs(model, walk, varying) else 0.0
+
+    def moments(leaves, bond):
+        return varying.model(leaves).moments(bond)[which]
+
+    def one(c):
+        here = [walk.here(x, c) for x in opened]
+        own = varying.components(lambda x: walk.here(x, c))
+
+        def body(slot):
+            bond = _bond(walk, opened, here, gradient, c, slot, volumes, horizon)
+            if pairs:  # also nothing from where there is no point
+                bond = bond._replace(volume=_one(bond.volume[()] * walk.filled))
+            return _entries(by_components(moments, dtype, walk.one, walk.dear(*bond.eta, bond.volume[()]))(own, bond))
+
+        zeros = [jnp.zeros(walk.block, dtype)] * count
+        return jnp.stack(_over_slots(walk, c, body, zeros, pairs)) if count else jnp.zeros((0, walk.block), dtype)
+
+    return _by_blocks(walk, one)
+
+
+def reference_sums(model: PointStateModel, walk: Walk, dim: int, horizon: Array) -> Float[Array, "entries flat"]:
+    """Σ of the first tree of `moments`; where there is no point, what a full family has: nothing is singular."""
+    dtype = walk.volumes.dtype
+    u = jnp.zeros((dim, walk.volumes.shape[0]), dtype)
+    sums = _sum_moments(model, walk, 0, u, None, horizon)
+    if walk.filled is None:
+        return sums
+    varying = _Varying(model, walk, walk.collect(walk.volumes[None]).shape[0])
+    first = varying.model(
+        [jnp.stack([r[walk.margin] for r in x]).reshape(s) for x, s in zip(varying.rows, varying.shapes, strict=True)]
+    )
+    bonds = Bonds(walk.xi, jnp.zeros_like(walk.xi), walk.omega, jnp.full(len(walk.xi), walk.cell), horizon)
+    full = jax.vmap(lambda x, e, w, v: first.moments(Bonds(x, e, w, v, horizon))[0])(*bonds[:4])
+    rows = jnp.concatenate([jnp.zeros(0, dtype), *(x.sum(axis=0).reshape(-1) for x in jax.tree.leaves(full))])
+    return jnp.where(walk.filled > 0, sums, rows[:, None])
+
+
+def state_rows(model: PointStateModel, dim: int, dtype: Any, reference: Array, deformed: Array, horizon: Array) -> list:
+    """The point states of one model from both sums (entries, points), entry by entry over the points."""
+    (ref_tree, ref_shapes), (def_tree, def_shapes) = (_sizes(model, k, dim, dtype) for k in (0, 1))
+    sums = _trees(ref_tree, ref_shapes, reference), _trees(def_tree, def_shapes, deformed)
+    state = by_components(lambda a, b, h: model.state(Sums(a, b, h, dim)), dtype)(*sums, _one(horizon))
+    return [join(e, reference.shape[1]) for e in map(_one, _entries(state))]
+
+
+def streamed_force(
+    model: PointStateModel, walk: Walk, reference: Array, u: Float[Array, "points dim"], gradient: Any, horizon: Array
+) -> Float[Array, "points dim"]:
+    """f of every point, in two passes; `gradient` is F − I of a mean deformation, or None."""
+    points, dim = u.shape
+    dtype = walk.volumes.dtype
+    varying = _Varying(model, walk, points)
+    U = walk.embed(u.astype(dtype))
+    deformed = _sum_moments(model, walk, 1, U, gradient, horizon)
+    (ref_tree, ref_shapes), (def_tree, def_shapes) = (_sizes(varying.single(), k, dim, dtype) for k in (0, 1))
+    kept: list = []
+
+    def state_of(leaves, reference, deformed, horizon):
+        return varying.model(leaves).state(Sums(reference, deformed, horizon, dim))
+
+    def make_state(c):
+        own = varying.components(lambda x: walk.here(x, c))
+        a, b = (walk.here(x, c) for x in (reference, deformed))
+        sums = _trees(ref_tree, ref_shapes, a), _trees(def_tree, def_shapes, b)
+        state = by_components(state_of, dtype)(own, *sums, _one(horizon))
+        leaves, structure = jax.tree.flatten(state)
+        kept[:] = [structure, [x.shape for x in leaves]]
+        rows = [join(e, walk.block) for x in leaves for e in map(_one, x.reshape(-1))]
+        return jnp.stack(rows) if rows else jnp.zeros((0, walk.block), dtype)
+
+    states = _rows(walk, walk.renew(_by_blocks(walk, make_state)))
+    structure, shapes = kept
+    opened, volumes = _rows(walk, U), walk.open(walk.volumes)
+    pairs = -1.0 if _in_pairs(model, walk, varying) else 0.0
+    alike = model.additive and walk.back is None and not varying
+
+    def force(leaves, here, there, bond):
+        return varying.model(leaves).bond_force(here, there, bond)
+
+    def one(c):
+        u_here, a_here = ([walk.here(x, c) for x in rows] for rows in (opened, states))
+        mine = varying.components(lambda x: walk.here(x, c))
+        here = _trees(structure, shapes, a_here)
+
+        def body(slot):
+            bond = _bond(walk, opened, u_here, gradient, c, slot, volumes, horizon)
+            a_far = [walk.far(x, c, slot) for x in states]
+            if alike:
+                summed = [a + b for a, b in zip(a_here, a_far, strict=True)]
+                both = _trees(structure, shapes, summed)
+                total = by_components(force, dtype, walk.one, walk.dear(*bond.eta, *summed))(mine, both, both, bond)
+                weight = bond.volume[()] * (1.0 if shapes else 2.0)
+                if pairs:
+                    weight = weight * walk.filled
+                return [weight * x for x in total]
+            there = _trees(structure, shapes, a_far)
+            yours = varying.components(lambda x: walk.far(x, c, slot))
+            reverse = bond._replace(
+                xi=-bond.xi, eta=-bond.eta, omega=_one(slot.omega if slot.back is None else slot.back)
+            )
+            reverse = reverse._replace(volume=_one(walk.here(walk.volumes, c)))
+            out = by_components(force, dtype)(mine, here, there, bond)
+            back = by_components(force, dtype)(yours, there, here, reverse)
+            return [bond.volume[()] * (a - b) for a, b in zip(out, back, strict=True)]
+
+        return jnp.stack(_over_slots(walk, c, body, [jnp.zeros(walk.block, dtype)] * dim, pairs))
+
+    return walk.collect(_by_blocks(walk, one))

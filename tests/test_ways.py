@@ -1,0 +1,145 @@
+"""Every way to evaluate a body gives the same force density; the reference is the general path, all bonds at once."""
+
+import bodies
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+import table
+
+import pdjax as pd
+from pdjax.evaluate import ways_of
+from pdjax.force import whole_force
+
+LATTICES = {
+    1: (pd.lattice((9,), 0.5), 1.01),
+    2: (pd.lattice((7, 5), 0.5, mask=np.arange(35).reshape(7, 5) != 17), 1.01),
+    3: (pd.lattice((4, 3, 3), 0.5), 0.75),
+}
+BY_MOMENTS = [n for n, m in table.MODELS.items() if getattr(m, "by_moments", False)]
+FLAT = ("seth_hill m=0", "wan control")  # in 3D each compile costs seconds; others stand for them
+CHECKED = [(n, d) for n in BY_MOMENTS for d in table.MODELS[n].dims if d < 3 or n not in FLAT]
+
+
+def relative(a, b):
+    return float(jnp.max(jnp.abs(a - b)) / jnp.max(jnp.abs(b)))
+
+
+@pytest.mark.parametrize("name,dim", CHECKED)
+def test_every_way_is_the_general_path(name, dim):
+    model, (body, horizon) = table.MODELS[name], LATTICES[dim]
+    if name == "sub_horizon" and dim == 3:
+        horizon = 0.9
+    fams = pd.families(body, horizon, pd.gaussian_influence)
+    u = body.positions @ (bodies.deformation(dim, 5) - np.eye(dim)).T
+    u = jnp.asarray(u + 0.02 * bodies.random(dim, 6).normal(size=u.shape))
+    expected = whole_force(model, fams, fams.bonds(u))
+    ways = ways_of(model, fams)
+    assert ("fft" in ways) == (model.degree > 0)
+    for way in ways:
+        found = pd.force_density(model, fams, u, way=way)
+        assert relative(found, expected) < 1e-13, way  # measured: 9e-15
+
+
+@pytest.mark.parametrize("name", ["lps", "correspondence svk", "seth_hill m=1"])
+def test_ways_on_a_periodic_lattice_without_arrays(name):
+    model = table.MODELS[name]
+    body = pd.lattice((7, 6), 0.5, periodic=(True, False))
+    fams, lean = (pd.families(body, 1.01, arrays=arrays) for arrays in (True, False))
+    u = 0.02 * jnp.asarray(bodies.random(1).normal(size=body.positions.shape))
+    F = jnp.asarray([[1.02, 0.03], [0.0, 0.97]])
+    for mean in (None, F):
+        expected = whole_force(model, fams, fams.bonds(u, mean))
+        for way in ("slices", "fft") if mean is None and model.degree else ("slices",):
+            assert relative(pd.force_density(model, lean, u, mean, way=way), expected) < 1e-13  # measured: 4e-15
+
+
+def test_ways_in_blocks(monkeypatch):
+    """Long bodies go block by block; here blocks of 20 points of 63."""
+    monkeypatch.setattr("pdjax.ways.walks.BLOCK", 20)
+    model, body = table.MODELS["seth_hill m=0"], pd.lattice((9, 7), 0.5)
+    fams = pd.families(body, 1.01)
+    u = 0.02 * jnp.asarray(bodies.random(2).normal(size=body.positions.shape))
+    expected = whole_force(model, fams, fams.bonds(u))
+    for way in ("slices", "families"):
+        assert relative(pd.force_density(model, fams, u, way=way), expected) < 1e-13  # measured: 3e-15
+
+
+def test_constants_may_vary_from_point_to_point():
+    body = pd.lattice((7, 5), 0.5)
+    fams = pd.families(body, 1.01)
+    m = jnp.linspace(-1, 1, 35)
+    model = pd.graded(pd.SethHill(m, pd.LinearElastic(1.3, m + 2)), 2 + m)
+    u = 0.02 * jnp.asarray(bodies.random(3).normal(size=body.positions.shape))
+    expected = whole_force(model, fams, fams.bonds(u))
+    for way in ("slices", "families"):
+        assert relative(pd.force_density(model, fams, u, way=way), expected) < 1e-13  # measured: 3e-15
+    assert "fft" not in ways_of(pd.Correspondence(pd.LinearElastic(m + 2, m + 2)), fams)
+
+
+@pytest.mark.parametrize("way", ["families", "slices", "fft"])
+def test_derivatives_go_through_every_way(way):
+    """jvp against a central difference, vjp against jvp, and both for a constant of the law."""
+    body = pd.lattice((7, 5), 0.5)
+    fams = pd.families(body, 1.01)
+    rng = bodies.random(4)
+    u, v, w = (jnp.asarray(s * rng.normal(size=body.positions.shape)) for s in (0.02, 1.0, 1.0))
+
+    def force(u, mu):
+        return pd.force_density(pd.Correspondence(pd.LinearElastic(1.3, mu), pd.SillingControl()), fams, u, way=way)
+
+    along, by_mu = jax.jvp(force, (u, 0.7), (v, 0.3))[1], jax.vjp(force, u, 0.7)[1](w)
+    h = 1e-5
+    central = (force(u + h * v, 0.7 + h * 0.3) - force(u - h * v, 0.7 - h * 0.3)) / (2 * h)
+    assert relative(along, central) < 1e-8  # measured: 2e-9
+    left, right = jnp.vdot(w, along), jnp.vdot(by_mu[0], v) + 0.3 * by_mu[1]
+    assert abs(left - right) < 1e-12 * abs(left)  # measured: 1e-15
+
+
+def test_the_operator_compiles_once_and_is_what_scenes_use():
+    body = pd.lattice((7, 5), 0.5)
+    fams = pd.families(body, 1.01)
+    traced = []
+
+    @jax.jit
+    def f(operator, u):
+        traced.append(1)
+        return operator(u)
+
+    for mu in (0.7, 0.8):
+        model = pd.Correspondence(pd.LinearElastic(1.3, mu))
+        operator = pd.force_operator(model, fams)
+        u = 0.02 * jnp.asarray(bodies.random(5).normal(size=body.positions.shape))
+        assert relative(f(operator, u), whole_force(model, fams, fams.bonds(u))) < 1e-13  # measured: 2e-15
+    assert len(traced) == 1
+
+
+def test_bad_ways_say_which_are_good():
+    body = pd.lattice((7, 5), 0.5)
+    fams, lean = (pd.families(body, 1.01, arrays=arrays) for arrays in (True, False))
+    cloud = pd.families(pd.cloud(body.positions, 0.25), 1.01)
+    law = pd.LinearElastic(1.0, 1.0)
+    u = jnp.zeros((35, 2))
+    with pytest.raises(ValueError, match="way must be one of"):
+        pd.force_density(pd.SethHill(1.0, law), fams, u, way="gpu")
+    with pytest.raises(ValueError, match=r"no polynomial of the displacement.*'families', 'slices'$"):
+        pd.force_density(pd.SethHill(0.0, law), fams, u, way="fft")
+    with pytest.raises(ValueError, match=r"do not come from a lattice.*ways that do: 'families'$"):
+        pd.force_density(pd.SethHill(0.0, law), cloud, u, way="slices")
+    with pytest.raises(ValueError, match=r"no point state made of sums.*ways that do: 'families'$"):
+        pd.force_density(pd.BondLevelAverage(law), fams, u, way="slices")
+    with pytest.raises(ValueError, match=r"mean deformation.*'families', 'slices'$"):
+        pd.force_density(pd.Correspondence(law), fams, u, jnp.eye(2), way="fft")
+    with pytest.raises(ValueError, match="takes no mean deformation"):
+        pd.force_operator(pd.Correspondence(law), fams, "fft")(u, jnp.eye(2))
+    with pytest.raises(ValueError, match="arrays=False"):
+        pd.strain_energy(pd.SethHill(0.0, law), lean, u)
+    with pytest.raises(ValueError, match="needs families with arrays"):
+        pd.force_density(pd.BondLevelAverage(law), lean, u)
+    with pytest.raises(ValueError, match="arrays=False is for lattices"):
+        pd.families(pd.cloud(body.positions, 0.25), 1.01, arrays=False)
+    with pytest.raises(ValueError, match=r"family of point 0 .*singular"):
+        thin = pd.families(pd.lattice((7, 1), 0.5), 1.01, arrays=False)
+        pd.force_density(pd.Correspondence(law), thin, jnp.zeros((7, 2)))
+    with pytest.raises(ValueError, match="mask must hold one bool"):
+        pd.lattice((3, 2), mask=np.ones((2, 3), bool))
