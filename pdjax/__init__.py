@@ -46,6 +46,7 @@ from .influence import (
     gaussian_influence,
     inverse_distance_influence,
     linear_influence,
+    partial_volume_influence,
 )
 from .kinematics import bond_average_strain, local_strain, log_stretch, shape_tensor_K, shape_tensor_L
 from .laws import EnergyLaw, Law, LinearElastic, NeoHookean
@@ -183,6 +184,7 @@ __all__ = [
     "motion",
     "observers",
     "p_wave_modulus",
+    "partial_volume_influence",
     "piola_stress",
     "plane_bulk_modulus",
     "plate",

@@ -7,11 +7,19 @@ alone it is even, ω(ξ) = ω(−ξ), and as symmetric as the lattice. Give it p
     q = r/δ    constant 1 · inverse distance 1/q · linear 1 − q · Gaussian exp(−(q/width)²)
     cubic spline: 1 − 6q² + 6q³ for q ≤ ½, 2(1 − q)³ beyond (C², zero at the horizon)
 
-Source: Silling & Askari 2005 and Seleson & Parks 2011 for the common choices; Monaghan 1992 for the spline.
+A neighbour whose cell the horizon cuts counts with a part of its volume (`partial_volume_influence`): as ω and V enter
+every sum as their product, a factor on the volume is a factor on ω.
+
+Source: Silling & Askari 2005 and Seleson & Parks 2011 for the common choices; Monaghan 1992 for the spline; Parks et
+al. 2008 for the partial volumes (LAMMPS).
 """
+
+from collections.abc import Callable
 
 import jax.numpy as jnp
 from jaxtyping import Array, Float
+
+from ._checks import as_real, check_positive
 
 
 def constant_influence(r: Float[Array, "..."], horizon) -> Float[Array, "..."]:
@@ -38,3 +46,23 @@ def cubic_spline_influence(r: Float[Array, "..."], horizon) -> Float[Array, "...
 def gaussian_influence(r: Float[Array, "..."], horizon, width=0.5) -> Float[Array, "..."]:
     """ω = exp(−(r/(width·δ))²) [-], cut off at the horizon; width is a fraction of the horizon [-]."""
     return jnp.exp(-((r / (width * horizon)) ** 2))
+
+
+def partial_volume_influence(influence: Callable, spacing) -> Callable:
+    """`influence` times the part β of a neighbour's volume that lies within the horizon.
+
+        β(r) = ½ + (δ − r)/h between 0 and 1: 1 up to half a spacing h from the horizon, ½ at the horizon
+
+    Arguments: influence (r, δ) → ω ≥ 0; spacing h > 0 [length] of the lattice, may be traced.
+    Returns: a callable (r, δ) → ω β [-], for `lattice_family` and `families` as any other. The families hold the
+        points within δ: one beyond it is no neighbour, even if the horizon cuts its cell.
+    Raises: ValueError for a spacing that is not finite and > 0.
+    Source: Parks et al. 2008, as the PERI package of LAMMPS has it.
+    """
+    spacing = as_real(spacing)
+    check_positive("spacing", spacing)
+
+    def part_of_volume(r: Float[Array, "..."], horizon) -> Float[Array, "..."]:
+        return influence(r, horizon) * jnp.clip(0.5 + (horizon - r) / spacing, 0, 1)
+
+    return part_of_volume

@@ -99,3 +99,45 @@ def test_a_users_function_with_a_parameter():
     q = np.linalg.norm(pd.lattice_family(2, 2).xi, axis=1) / 2
     assert worst(value, q**1.3) < 1e-15  # 0
     assert worst(slope, q**1.3 * np.log(q)) < 1e-15  # 0
+
+
+def test_partial_volumes_of_hand_computed_families():
+    """1D, δ = 2h: β = 1, ½, so Σβξ² = 2(1 + ½·4) = 6. 2D: 1, 1, 0.7 at 1, √2, 2 for δ = 2.2h; 2.1 − √2 for δ = 1.6h."""
+    part = pd.partial_volume_influence(pd.constant_influence, 1.0)
+    line = pd.lattice_family(1, 2, 1.0, part)
+    assert worst(jnp.sum(line.influence * line.xi[:, 0] ** 2), 6.0) < 1e-15  # 0
+    for N, at in ((2.2, {1: 1, 2: 1, 4: 0.7}), (1.6, {1: 1, 2: 2.1 - np.sqrt(2)})):
+        fam = pd.lattice_family(2, N, 1.0, part)
+        square = np.round(np.sum(np.asarray(fam.xi) ** 2, axis=1)).astype(int)
+        assert worst(fam.influence, np.array([at[k] for k in square], dtype=float)) < 1e-15  # 2e-16
+    weighted = pd.lattice_family(2, 2.2, 1.0, pd.partial_volume_influence(pd.inverse_distance_influence, 1.0))
+    length = np.linalg.norm(weighted.xi, axis=1)
+    assert worst(weighted.influence, np.where(length > 1.9, 0.7, 1.0) * 2.2 / length) < 1e-15  # 2e-16
+
+
+def test_partial_volumes_in_a_body_and_a_symbol():
+    """Springs in 1D, δ = 2h, h = ½: Ĵ(k) = −2ch[(1 − cos kh)/h + ½ (1 − cos 2kh)/2h]; a body's middle obeys it."""
+    h, c = 0.5, 1.3
+    part = pd.partial_volume_influence(pd.constant_influence, h)
+    k = 2.0
+    exact = -2 * c * h * ((1 - np.cos(k * h)) / h + 0.5 * (1 - np.cos(2 * k * h)) / (2 * h))
+    fam = pd.lattice_family(1, 2, h, part)
+    symbol = pd.symbol(pd.BondBased(c), fam, jnp.eye(1), jnp.array([k]))
+    assert worst(symbol, np.array([[exact]])) < 1e-14  # 4e-16
+    bar = pd.bar(9, 9 * h)
+    fams = pd.families(bar, 2 * h, part)
+    wave = jnp.cos(k * (bar.positions - bar.positions[4]))
+    assert worst(pd.jvp(pd.BondBased(c), fams, jnp.zeros((9, 1)), wave)[4], np.array([exact])) < 1e-14  # 0
+
+
+def test_partial_volumes_of_a_traced_spacing():
+    """β = ½ + (δ − r)/h at r = 2, δ = 2.2: dβ/dh = −0.2/h²; one compilation; a spacing ≤ 0 is refused."""
+
+    @jax.jit
+    def beta(h):
+        return pd.partial_volume_influence(pd.constant_influence, h)(jnp.array(2.0), 2.2)
+
+    assert worst(jax.grad(beta)(0.8), -0.2 / 0.64) < 1e-14  # 2e-16
+    assert worst(beta(0.5), 0.9) < 1e-14 and beta._cache_size() == 1  # 3e-16
+    with pytest.raises(ValueError, match="spacing must be finite and > 0"):
+        pd.partial_volume_influence(pd.constant_influence, 0.0)
