@@ -1,0 +1,250 @@
+"""pdjax beside what a user would pick instead: hand-written Numba kernels, LAMMPS, NumPy and SciPy by differences.
+
+First they must agree, then they are timed, in one run and in turns (A B C A B C …), so that a busy machine hits all
+alike; a time is the median of its turns, with the fastest beside it. A cube of 32³ points (--quick: 12³), horizon 3.015
+spacings (and 6 for Silling's correspondence), float64. A peer that isn't installed is named and left out.
+
+* force: seconds of one f(u), from an array (points, 3) to an array (points, 3); and by bond.
+* Hessian of LPS: `pd.jacobian` beside LAMMPS's dynamical_matrix and beside central differences of the Numba kernel.
+* spectrum of a held body: `pd.body_spectrum` beside ARPACK on differences of the Numba kernel.
+* stability map: `pd.stability_map` beside NumPy with a Jacobian by differences, on the same waves.
+"""
+
+import importlib
+import sys
+import time
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from _harness import timed, write
+from matplotlib.figure import Figure
+
+import pdjax as pd
+from pdjax import zone
+
+jax.config.update("jax_enable_x64", True)
+QUICK = "--quick" in sys.argv[1:]
+LAM, MU, BULK, SHEAR, C = 1.0, 0.8, 1.3, 0.7, 1.3
+LAW = pd.LinearElastic(LAM, MU)
+COLOURS = {"pdjax": "#000000", "Numba, lattice": "#0072B2", "Numba, list": "#E69F00", "LAMMPS": "#CC79A7"}
+MODELS = {
+    "PMB": (pd.BondBased(C), "PMB", (C,), ("pmb", (C,), pd.constant_influence)),
+    "LPS": (pd.LPS(BULK, SHEAR), "LPS", (BULK, SHEAR), ("lps", (BULK, SHEAR), pd.inverse_distance_influence)),
+    "Silling": (pd.Correspondence(LAW), "Silling", (LAM, MU), None),
+    "Seth–Hill, m = 1": (pd.SethHill(1.0, LAW), "SethHill", (1.0, LAM, MU), None),
+    "Seth–Hill, m = −½": (pd.SethHill(-0.5, LAW), "SethHill", (-0.5, LAM, MU), None),
+}
+
+
+def ours(model, fams):
+    """pdjax's side of every comparison: f(u), compiled. Whatever way becomes the quickest is put here."""
+    force = jax.jit(lambda model, fams, u: pd.force_density(model, fams, u))
+    return lambda u: np.asarray(force(model, fams, jnp.asarray(u)))
+
+
+def peer(name: str):
+    """A module of benchmarks/peers, or None, said once, if what it needs is not installed."""
+    try:
+        module = importlib.import_module(f"peers.{name}")
+        if name == "lammps_peri":
+            module.library()
+    except (ImportError, OSError) as error:
+        print(f"left out: {name} ({error}); pip install -e '.[peers]' brings it")
+        return None
+    return module
+
+
+PEERS = {name: peer(name) for name in ("lattice_forces", "list_forces", "grid", "lammps_peri", "by_differences")}
+
+
+def contenders(name: str, body: pd.Points, horizon: float) -> dict:
+    """name → f(u) of every peer that has the model, LAMMPS apart."""
+    model, kind, constants, _ = MODELS[name]
+    made = {"pdjax": ours(model, pd.families(body, horizon))}
+    if PEERS["lattice_forces"]:
+        grid = PEERS["grid"].Grid(body.shape, body.spacing, horizon, border=kind == "Silling")
+        cloud = PEERS["list_forces"].Cloud(body.positions, body.volumes, horizon)
+        for threads in (1, 2):
+            made[f"Numba, lattice, {threads}"] = getattr(PEERS["lattice_forces"], kind)(grid, *constants, threads)
+            made[f"Numba, list, {threads}"] = getattr(PEERS["list_forces"], kind)(cloud, *constants, threads)
+    return made
+
+
+def in_turns(work: dict, turns: int) -> dict:
+    """Median and fastest seconds of each of `work`, one call of each in every turn."""
+    spent: dict[str, list[float]] = {name: [] for name in work}
+    for _ in range(turns):
+        for name, call in work.items():
+            time.sleep(0.01)  # threads of the one before stop spinning
+            start = time.perf_counter()
+            call()
+            spent[name].append(time.perf_counter() - start)
+    return {name: {"median": float(np.median(s)), "fastest": min(s)} for name, s in spent.items()}
+
+
+def forces(name: str, side: int, horizon: float, turns: int) -> dict:
+    """Agreement, seconds and ratios of one model."""
+    body = pd.lattice((side,) * 3)
+    u = 1e-3 * np.random.default_rng(0).normal(size=(side**3, 3))
+    made = contenders(name, body, horizon)
+    true = made["pdjax"](u)
+    off = {key: float(np.abs(f(u) - true).max() / np.abs(true).max()) for key, f in made.items() if key != "pdjax"}
+    work = {key: lambda f=f: f(u) for key, f in made.items()}
+    style = MODELS[name][3]
+    engine = None
+    if style and PEERS["lammps_peri"]:
+        kind, constants, influence = style
+        engine = PEERS["lammps_peri"].Peri(body.shape, body.spacing, horizon, kind, constants)
+        part = pd.partial_volume_influence(influence, body.spacing)
+        theirs = ours(MODELS[name][0], pd.families(body, horizon, part))(u)
+        off["LAMMPS, 1"] = float(np.abs(engine(u) - theirs).max() / np.abs(theirs).max())
+        work["LAMMPS, 1"] = lambda: engine.steps(1)
+    seconds = in_turns(work, turns)
+    if engine:
+        engine.close()
+    bonds = _bonds(side, horizon)
+    return {
+        "points": side**3,
+        "horizon / spacing": horizon,
+        "bonds": bonds,
+        "largest relative difference from pdjax": off,
+        "seconds": seconds,
+        "nanoseconds per bond": {key: 1e9 * s["median"] / bonds for key, s in seconds.items()},
+        "speed of pdjax over it": {key: s["median"] / seconds["pdjax"]["median"] for key, s in seconds.items()},
+    }
+
+
+def _bonds(side: int, horizon: float) -> int:
+    """Directed bonds of a cube."""
+    cells = np.abs(np.round(np.asarray(pd.lattice_family(3, horizon).xi)).astype(int))
+    return int(np.prod(np.maximum(side - cells, 0), axis=1).sum())
+
+
+def hessians(side: int) -> dict:
+    """J of LPS at rest, with LAMMPS's volumes: error of the differences by step, seconds of all."""
+    body, horizon = pd.lattice((side, side - 1, side - 2)), 3.015
+    model, _, _, (kind, constants, influence) = MODELS["LPS"]
+    part = pd.partial_volume_influence(influence, body.spacing)
+    fams, rest = pd.families(body, horizon, part), np.zeros((len(body), 3))
+    exact = pd.jacobian(model, fams, rest)
+    scale = np.abs(exact.data).max()
+    rows = {"pdjax, sparse": {"seconds": timed(lambda: pd.jacobian(model, fams, rest), repeats=3)}}
+    dense = exact.toarray()
+    if PEERS["lammps_peri"]:
+        engine = PEERS["lammps_peri"].Peri(body.shape, body.spacing, horizon, kind, constants)
+        for step in (1e-3, 1e-4, 1e-5, 1e-6):
+            error = float(np.abs(engine.hessian(step) + dense).max() / scale)
+            rows[f"LAMMPS dynamical_matrix, step {step:g}"] = {"error": error}
+        rows["LAMMPS dynamical_matrix, step 1e-05"]["seconds"] = timed(lambda: engine.hessian(1e-5), repeats=1)
+        engine.close()
+    if PEERS["list_forces"]:
+        cloud = PEERS["list_forces"].Cloud(body.positions, body.volumes, horizon, part)
+        force = PEERS["list_forces"].LPS(cloud, *constants)
+        for step in (1e-3, 1e-4, 1e-5, 1e-6):
+            error = float(np.abs(PEERS["by_differences"].jacobian(force, rest, step) - dense).max() / scale)
+            rows[f"Numba by differences, step {step:g}"] = {"error": error}
+        work = timed(lambda: PEERS["by_differences"].jacobian(force, rest, 1e-5), repeats=1)
+        rows["Numba by differences, step 1e-05"]["seconds"] = work
+    return {"points": len(body), "nonzeros": int(exact.nnz), "rows": rows}
+
+
+def spectra(side: int, count: int = 4) -> dict:
+    """The largest eigenvalues of a cube held at one face, Seth–Hill m = 1, stretched by 1 %."""
+    body, horizon = pd.lattice((side,) * 3), 2.0
+    X = body.positions
+    held = np.flatnonzero(X[:, 0] < 1)
+    model, fams = MODELS["Seth–Hill, m = 1"][0], pd.families(body, horizon)
+    scene = pd.scene(body, fams, model, pd.prescribe(held, 0.0))
+    u = np.stack([0.01 * (X[:, 0] - 0.5), 0 * X[:, 1], 0 * X[:, 2]], axis=1)
+    values, _, about = pd.body_spectrum(scene, u, count)
+    answer = {
+        "unknowns": len(scene.unknowns),
+        "eigenvalues": [float(x) for x in values],
+        "norm": about["norm"],
+        "seconds": {"pdjax": timed(lambda: pd.body_spectrum(scene, u, count)[0], repeats=3)},
+    }
+    if not PEERS["list_forces"]:
+        return answer
+    force = PEERS["list_forces"].SethHill(PEERS["list_forces"].Cloud(X, body.volumes, horizon), 1.0, LAM, MU)
+    free = np.setdiff1d(np.arange(len(X)), held)
+
+    def reduced(v):
+        whole = u.copy()
+        whole[free] = v
+        return force(whole)[free]
+
+    for step in (1e-3, 1e-5, 1e-7):
+        start = time.perf_counter()
+        theirs, calls = PEERS["by_differences"].largest_eigenvalues(reduced, u[free], step, count)
+        answer["seconds"][f"ARPACK, step {step:g}"] = time.perf_counter() - start
+        answer[f"ARPACK, step {step:g}: error over the norm, forces"] = [
+            float(np.abs(theirs - values).max() / about["norm"]),
+            calls,
+        ]
+    return answer
+
+
+def maps(orders: int, loads: int, intervals: int = 24) -> dict:
+    """A stability map in 2D, N = 3: verdicts and seconds of pdjax and of NumPy with differences."""
+    m, a = np.linspace(-2, 2, orders), np.linspace(-0.3, 0.3, loads)
+    kept = {"N": 3, "dim": 2, "law": pd.LinearElastic(1.0, 1.0), "resolution": intervals, "show_progress": False}
+    ours = timed(lambda: pd.stability_map(m, a, **kept).margin, repeats=3)
+    grid = pd.stability_map(m, a, **kept)
+    fam = pd.lattice_family(2, 3)
+    lattice = PEERS["by_differences"].SethHillLattice(fam.xi, np.ones(len(fam.xi)), 1.0, 1.0)
+    waves = np.asarray(zone.brillouin_zone(2, intervals, "cubic").grid)
+    start = time.perf_counter()
+    theirs = np.array([[lattice.largest(x, (1 + y) * np.eye(2), waves) for y in a] for x in m])
+    spent = time.perf_counter() - start
+    kept_values = np.asarray(grid.eigenvalue)  # where stable: of the least margin, which weighs waves by their length
+    same, positive = (theirs > 1e-7) == (kept_values > 1e-7), theirs > 1e-7
+    off = np.abs(theirs - kept_values)[positive] / theirs[positive]
+    return {
+        "states": orders * loads,
+        "waves": len(waves),
+        "seconds": {"pdjax": ours, "NumPy by differences": spent},
+        "factor, after compilation": spent / ours["median"],
+        "factor, cold": spent / ours["first"],
+        "share of equal verdicts": float(same.mean()),
+        "largest relative difference of positive eigenvalues (pdjax refines between the waves)": float(off.max()),
+    }
+
+
+def chart(rows: dict) -> Figure:
+    """Nanoseconds per bond, model by model; filled: one thread or LAMMPS, open: two threads."""
+    figure = Figure(figsize=(8.2, 4.4), layout="constrained")
+    axes = figure.subplots()
+    for place, row in enumerate(rows.values()):
+        for key, value in row["nanoseconds per bond"].items():
+            kind, _, threads = key.rpartition(", ")
+            colour = COLOURS[kind or key]
+            filled = colour if threads == "1" or key == "pdjax" else "white"
+            shape = "D" if key == "pdjax" else "o"
+            axes.plot([value], [-place], shape, color=colour, markerfacecolor=filled, markersize=8, label=key)
+    handles, labels = axes.get_legend_handles_labels()
+    unique = dict(zip(labels, handles, strict=True))
+    axes.set_xscale("log")
+    axes.set_yticks(-np.arange(len(rows)), rows)
+    axes.grid(axis="x", which="both", color="#dddddd", linewidth=0.6)
+    axes.set_axisbelow(True)
+    axes.set_xlabel("time of one force evaluation per bond  [ns]")
+    names = {key: key[:-3] + (", 1 thread" if key.endswith("1") else ", 2 threads") for key in unique if key != "pdjax"}
+    axes.legend(unique.values(), [names.get(key, key) for key in unique], frameon=False, fontsize=8, loc="center left",
+                bbox_to_anchor=(1.0, 0.5))  # fmt: skip
+    points = next(iter(rows.values()))["points"]
+    axes.set_title(f"Forces of a cube of {round(points ** (1 / 3))}³ points, float64, two cores", fontsize=10)
+    return figure
+
+
+def main() -> None:
+    side, turns = (12, 5) if QUICK else (32, 15)
+    rows = {f"{name}, N = 3": forces(name, side, 3.015, turns) for name in MODELS}
+    rows["Silling, N = 6"] = forces("Silling", side, 6.0, turns if QUICK else 5)
+    numbers = {"forces": rows, "Hessian of LPS": hessians(6 if QUICK else 9), "spectrum": spectra(6 if QUICK else 9)}
+    numbers["stability map"] = maps(5, 6) if QUICK else maps(13, 14)
+    write("peers-quick" if QUICK else "peers", numbers, chart(rows))
+
+
+if __name__ == "__main__":
+    main()
