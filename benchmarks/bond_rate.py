@@ -10,11 +10,11 @@ from pathlib import Path
 import jax
 import jax.numpy as jnp
 import numpy as np
-from _harness import timed, write
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
 
 import pdjax as pd
+from pdjax.bench.harness import timed, write
 from pdjax.figures import COLOURS
 
 jax.config.update("jax_enable_x64", True)

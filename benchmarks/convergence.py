@@ -7,10 +7,10 @@ at the distance of the nonlocal body from the local solution; with δ → 0 it g
 import jax
 import jax.numpy as jnp
 import numpy as np
-from _harness import write
 from matplotlib.figure import Figure
 
 import pdjax as pd
+from pdjax.bench.harness import write
 from pdjax.figures import COLOURS
 
 jax.config.update("jax_enable_x64", True)

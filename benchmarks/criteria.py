@@ -9,11 +9,11 @@ only do the reverse.
 import jax
 import jax.numpy as jnp
 import numpy as np
-from _harness import timed, write
 from matplotlib.figure import Figure
 
 import pdjax as pd
 from pdjax import criteria, zone
+from pdjax.bench.harness import timed, write
 from pdjax.figures import COLOURS
 
 jax.config.update("jax_enable_x64", True)

@@ -10,12 +10,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import scipy.sparse.linalg
-from _harness import write
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 import pdjax as pd
 from pdjax._run_motions import roughness
+from pdjax.bench.harness import write
 from pdjax.figures import COLOURS
 from pdjax.reduced import matrix
 

@@ -13,9 +13,9 @@ import time
 import jax
 import jax.numpy as jnp
 import numpy as np
-from _harness import timed, write
 
 import pdjax as pd
+from pdjax.bench.harness import timed, write
 
 
 def cold(*arguments: str) -> float:

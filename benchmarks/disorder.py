@@ -12,10 +12,10 @@ import argparse
 import jax
 import jax.numpy as jnp
 import numpy as np
-from _harness import write
 from matplotlib.figure import Figure
 
 import pdjax as pd
+from pdjax.bench.harness import write
 
 jax.config.update("jax_enable_x64", True)
 LAW = pd.LinearElastic(1.0, 1.0)

@@ -12,10 +12,10 @@ import diffrax
 import jax
 import jax.numpy as jnp
 import numpy as np
-from _harness import timed, write
 from matplotlib.figure import Figure
 
 import pdjax as pd
+from pdjax.bench.harness import timed, write
 
 jax.config.update("jax_enable_x64", True)
 MODEL = pd.SethHill(1.0, pd.LinearElastic(lam=1.0, mu=0.0))

@@ -16,12 +16,12 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from _harness import RESULTS, machine, write
 from cuboid import ONSET
 from matplotlib.figure import Figure
 
 import pdjax as pd
 from pdjax._run_motions import roughness
+from pdjax.bench.harness import machine, results, write
 from pdjax.criteria.flutter import growth_square
 from pdjax.kinematics import seth_hill
 from pdjax.models.catalogue import CATALOGUE
@@ -191,7 +191,7 @@ def main() -> None:
     parser.add_argument("--quick", action="store_true", help="four models, small bodies, another name")
     quick = parser.parse_args().quick
     settings, out = (QUICK, "models_on_scenes-quick") if quick else (FULL, "models_on_scenes")
-    file = RESULTS / f"{out}.json"
+    file = results() / f"{out}.json"
     numbers = {"settings": settings, "bar": {}, "cuboid": {}}
     if file.exists() and (kept := json.loads(file.read_text()))["settings"] == settings:
         numbers = {key: kept[key] for key in numbers}

@@ -7,9 +7,9 @@ the same real wave half a wavelength on.
 
 import jax
 import numpy as np
-from _harness import write
 
 import pdjax as pd
+from pdjax.bench.harness import write
 
 jax.config.update("jax_enable_x64", True)
 N, ORDERS, SMALL, LARGE = 3, (-1.0, 0.0, 0.5, 1.0, 2.0), 1e-6, 0.1

@@ -10,9 +10,9 @@ import time
 
 import jax
 import jax.numpy as jnp
-from _harness import write
 
 import pdjax as pd
+from pdjax.bench.harness import write
 
 jax.config.update("jax_enable_x64", True)
 

@@ -8,10 +8,10 @@ N; the symbol's limit, 0, is where that goes. The table is what each method find
 import jax
 import jax.numpy as jnp
 import numpy as np
-from _harness import write
 from matplotlib.figure import Figure
 
 import pdjax as pd
+from pdjax.bench.harness import write
 from pdjax.figures import COLOURS
 
 jax.config.update("jax_enable_x64", True)

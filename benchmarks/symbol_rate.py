@@ -17,10 +17,10 @@ import jax
 import jax.numpy as jnp
 import numba
 import numpy as np
-from _harness import timed, write
 
 import pdjax as pd
 from pdjax import bloch, zone
+from pdjax.bench.harness import timed, write
 from pdjax.kinematics import direction_mandel
 
 jax.config.update("jax_enable_x64", True)

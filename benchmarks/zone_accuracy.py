@@ -8,11 +8,11 @@ the half-reciprocal points the symbol of Seth–Hill models has flat, narrow val
 import jax
 import jax.numpy as jnp
 import numpy as np
-from _harness import timed, write
 from matplotlib.figure import Figure
 
 import pdjax as pd
 from pdjax import bloch, criteria, zone
+from pdjax.bench.harness import timed, write
 
 jax.config.update("jax_enable_x64", True)
 LAW = pd.LinearElastic(1.0, 1.0)

@@ -1,4 +1,4 @@
-"""The command line: `pdjax map`, `critical`, `symbol`, `atlas`, `run SCENE` (the same as `python -m pdjax`).
+"""The command line: `pdjax map`, `critical`, `symbol`, `atlas`, `bench`, `run SCENE` (the same as `python -m pdjax`).
 
 Thin: it reads arguments, asks the package, prints and draws. Numbers are float64, for their signs are the product.
 """
@@ -14,6 +14,7 @@ import numpy as np
 
 from ._run import add_run, run
 from ._run_atlas import add_atlas, run_atlas
+from ._run_bench import add_bench, run_bench
 from ._run_motions import Job
 
 _EPILOG = """examples
@@ -23,6 +24,7 @@ _EPILOG = """examples
   pdjax critical --m 0 1 2                      critical loads of three orders, every criterion, both sides
   pdjax symbol --m 0 --a=-0.02                  one state: its verdict, the wave that decides, its spectrum
   pdjax atlas --dim 2 3                         every model, every path: critical strains, zero-energy waves, cost
+  pdjax bench --quick                           error against time of every choice, small sizes
   pdjax run singular-bar                        the paper's singular bar, tension and compression, both models
   pdjax run step-bar --strain=-0.001            the paper's step-size bar at one strain
   pdjax run cuboid --m 0                        the paper's cuboid, pulled and pushed, explicit in time
@@ -106,6 +108,7 @@ def _parser() -> argparse.ArgumentParser:
     job.add_argument("--out", help="also draw the spectrum along the edges of the Brillouin zone to this PNG")
 
     add_atlas(jobs, formatter)
+    add_bench(jobs, formatter)
     add_run(jobs, formatter)
     return parser
 
@@ -287,7 +290,8 @@ def main(argv: list[str] | None = None) -> int:
     import jax
 
     jax.config.update("jax_enable_x64", True)
-    job = {"map": _map, "critical": _critical, "symbol": _symbol, "atlas": run_atlas, "run": run}[arguments.job]
+    jobs = {"map": _map, "critical": _critical, "symbol": _symbol, "atlas": run_atlas, "bench": run_bench, "run": run}
+    job = jobs[arguments.job]
     try:
         out, files = job(arguments)
         if arguments.json:

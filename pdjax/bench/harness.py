@@ -1,0 +1,245 @@
+"""What every benchmark shares: the clock, what a compiled program says of itself, the machine, and files that go on.
+
+A case plans tasks; each task is measured to one row and the case's file is written after every row, so a run that
+was stopped goes on with the rows that are missing. A row is a flat dictionary:
+
+    method, the task's settings, dtype       which row it is
+    seconds, fastest, slowest, spread        median of the repeated calls, and (slowest − fastest)/median [-]
+    compile_seconds                          apart: compilation, or first call − median where the host drives
+    error                                    against an exact reference, as the case says; None: there is none
+    bytes, flops, temporary_bytes            as the compiler counts them: every operand once each use, caches unknown to
+                                             it; None where the host drives several programs
+
+Rows of another machine, of other versions or of other settings are never mixed into a file: the case is refused.
+"""
+
+import json
+import math
+import platform
+import sys
+import time
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import jax
+import numpy as np
+
+from .._checks import written_whole
+
+try:
+    from jax import enable_x64
+except ImportError:  # before jax 0.8
+    from jax.experimental import enable_x64  # type: ignore[attr-defined, no-redef]
+
+ENOUGH = 0.3  # [s] of measuring; short calls are repeated up to MOST times within it
+MOST = 30
+Say = Callable[[str], None]
+
+
+class Task(NamedTuple):
+    """One row to come: method, settings (JSON values) and dtype name it; `measure()` gives the rest."""
+
+    method: str
+    settings: dict
+    measure: Callable[[], dict]
+    dtype: str = "float64"
+
+    @property
+    def key(self) -> dict:
+        """What tells its row from the others."""
+        return {"method": self.method, **self.settings, "dtype": self.dtype}
+
+
+@dataclass(frozen=True)
+class Case:
+    """about: one line; plan(quick) → tasks; draw(rows) → matplotlib Figure; settings: what all rows have in common."""
+
+    about: str
+    plan: Callable[[bool], Iterable[Task]]
+    draw: Callable[[list[dict]], Any]
+    settings: dict = field(default_factory=dict)
+
+
+def machine() -> dict:
+    """What ran it: processor, device, versions."""
+    cpu, cores = platform.processor() or platform.machine(), None
+    try:
+        lines = Path("/proc/cpuinfo").read_text().splitlines()
+        cpu = next(line.split(":")[1].strip() for line in lines if line.startswith("model name"))
+        cores = sum(line.startswith("processor") for line in lines)
+    except (OSError, StopIteration):
+        pass
+    versions = {name: version(name) for name in ("jax", "numpy", "scipy", "diffrax")}
+    return {
+        "cpu": cpu,
+        "cores": cores,
+        "device": jax.devices()[0].device_kind,
+        "python": platform.python_version(),
+        **versions,
+    }
+
+
+def _seconds(work: Callable[[], Any]) -> tuple[float, Any]:
+    start = time.perf_counter()
+    result = jax.block_until_ready(work())
+    return time.perf_counter() - start, result
+
+
+def timed(work: Callable[[], Any], repeats: int = 5) -> dict:
+    """First call (with compilation) apart; then the median, fastest and slowest of `repeats` calls, in seconds."""
+    first, _ = _seconds(work)
+    spent = [_seconds(work)[0] for _ in range(repeats)]
+    return {"first": first, "median": float(np.median(spent)), "fastest": min(spent), "slowest": max(spent)}
+
+
+def _repeated(work: Callable[[], Any], repeats: int) -> dict:
+    """Seconds of at least `repeats` calls, more where they are short."""
+    spent = [_seconds(work)[0] for _ in range(repeats)]
+    while sum(spent) < ENOUGH and len(spent) < MOST:
+        spent.append(_seconds(work)[0])
+    median = float(np.median(spent))
+    low, high = min(spent), max(spent)
+    return {"seconds": median, "fastest": low, "slowest": high, "spread": (high - low) / median, "calls": len(spent)}
+
+
+def counted(compiled: Any) -> dict:
+    """Bytes, flops and temporary bytes that the compiler counts for a program; None where the backend doesn't say."""
+    costs = compiled.cost_analysis() or {}
+    costs = costs[0] if isinstance(costs, list) else costs
+    memory = compiled.memory_analysis()
+    return {
+        "bytes": costs.get("bytes accessed"),
+        "flops": costs.get("flops"),
+        "temporary_bytes": None if memory is None else memory.temp_size_in_bytes,
+    }
+
+
+def kernel(function: Callable, *arguments: Any, repeats: int = 5) -> tuple[Any, dict]:
+    """(result, row) of `function(*arguments)` compiled whole; one call warms it up."""
+    start = time.perf_counter()
+    compiled = jax.jit(function).lower(*arguments).compile()
+    spent = time.perf_counter() - start
+    result = jax.block_until_ready(compiled(*arguments))
+    return result, {**_repeated(lambda: compiled(*arguments), repeats), "compile_seconds": spent, **counted(compiled)}
+
+
+def hosted(work: Callable[[], Any], repeats: int = 3) -> tuple[Any, dict]:
+    """(result, row) of code that the host drives: programs it compiles are in the first call, and can't be counted."""
+    first, result = _seconds(work)
+    row = _repeated(work, repeats)
+    unknown = {"bytes": None, "flops": None, "temporary_bytes": None}
+    return result, {**row, "compile_seconds": max(first - row["seconds"], 0.0), **unknown}
+
+
+def finite_or_none(value: Any) -> Any:
+    """JSON has no NaN or infinity: they become null."""
+    if isinstance(value, dict):
+        return {k: finite_or_none(v) for k, v in value.items()}
+    if isinstance(value, list | tuple):
+        return [finite_or_none(v) for v in value]
+    if isinstance(value, float | np.floating):
+        return float(value) if math.isfinite(value) else None
+    return value.item() if isinstance(value, np.generic) else value
+
+
+def read(file: Path) -> dict:
+    """A file of a case; ValueError if it is none."""
+    try:
+        record = json.loads(file.read_text())
+        record["machine"], record["settings"], record["rows"]
+    except (json.JSONDecodeError, UnicodeDecodeError, KeyError, TypeError) as error:
+        raise ValueError(f"{file} is not a result of pdjax bench, or is damaged: {error!r}; remove it") from None
+    return record
+
+
+def _differences(there: dict, here: dict) -> str:
+    names = [k for k in {**there, **here} if there.get(k) != here.get(k)]
+    return "; ".join(f"{k} {there.get(k)!r} there, {here.get(k)!r} here" for k in names)
+
+
+def _begun(file: Path, case: Case, quick: bool) -> dict:
+    """The record to go on with: the file's, if it was measured here with the same settings, or a new one."""
+    fresh = {"machine": machine(), "settings": {"quick": quick, **case.settings}, "rows": [], "left_out": []}
+    fresh = json.loads(json.dumps(fresh))
+    if not file.exists():
+        return fresh
+    record = read(file)
+    for what in ("machine", "settings"):
+        if record[what] != fresh[what]:
+            kind = "on another machine or with other versions" if what == "machine" else "with other settings"
+            raise ValueError(
+                f"{file} was measured {kind} ({_differences(record[what], fresh[what])}); rows are not mixed:"
+                " name another folder (--out) or remove the file"
+            )
+    return {**record, "left_out": []}
+
+
+def _save(record: dict, file: Path) -> None:
+    with written_whole(file) as stream:
+        stream.write((json.dumps(finite_or_none(record), ensure_ascii=False, indent=1) + "\n").encode())
+
+
+def _named(task: Task) -> str:
+    return ", ".join([task.method, *(f"{k} = {v}" for k, v in task.settings.items()), task.dtype])
+
+
+def run_case(name: str, case: Case, folder: Path, quick: bool, say: Say) -> dict:
+    """Measure what `folder`/NAME.json lacks, row by row, then draw NAME.png; the record.
+
+    Quick runs have files of their own, NAME-quick. What can't be measured here (a package that isn't installed, memory
+    that doesn't suffice) is said and listed under "left_out"; the rest goes on.
+    Raises: ValueError for a file of another machine or other settings; OSError where nothing can be written.
+    """
+    stem = f"{name}-quick" if quick else name
+    file = folder / f"{stem}.json"
+    record = _begun(file, case, quick)
+
+    def left_out(what: str, error: Exception) -> None:
+        missing = isinstance(error, ModuleNotFoundError)
+        why = f"needs the package {error.name}: pip install 'pdjax[bench]'" if missing else str(error).splitlines()[0]  # type: ignore[attr-defined]
+        record["left_out"].append({"what": what, "why": why})
+        say(f"{name}: {what} left out: {why}")
+
+    with enable_x64(True):
+        try:
+            tasks = list(case.plan(quick))
+        except ModuleNotFoundError as error:
+            left_out("the whole case", error)
+            return record
+        for task in tasks:
+            if any(task.key.items() <= row.items() for row in record["rows"]):
+                continue
+            try:
+                with enable_x64(task.dtype == "float64"):
+                    row = {**task.key, **task.measure()}
+            except (ModuleNotFoundError, MemoryError, jax.errors.JaxRuntimeError) as error:
+                left_out(_named(task), error)
+                continue
+            record["rows"].append(json.loads(json.dumps(finite_or_none(row))))
+            _save(record, file)
+            distance = "" if row.get("error") is None else f", error {row['error']:.2e}"
+            say(f"{name}: {_named(task)}: {row['seconds']:.3g} s{distance}")
+    if record["rows"]:
+        _save(record, file)
+        with written_whole(folder / f"{stem}.png") as stream:
+            case.draw(record["rows"]).savefig(stream, dpi=140, format="png")
+    return record
+
+
+def results() -> Path:
+    """The folder `results` beside the script that runs."""
+    return Path(sys.modules["__main__"].__file__ or ".").resolve().parent / "results"
+
+
+def write(name: str, numbers: dict, figure: Any = None) -> None:
+    """For scripts: results/NAME.json, and NAME.png if there is a figure; the numbers are printed too."""
+    folder = results()
+    folder.mkdir(exist_ok=True)
+    numbers = {"machine": machine(), **numbers}
+    (folder / f"{name}.json").write_text(json.dumps(numbers, indent=1) + "\n")
+    print(json.dumps(numbers, indent=1))
+    if figure is not None:
+        figure.savefig(folder / f"{name}.png", dpi=140)

@@ -1,0 +1,134 @@
+"""The Jacobian of a body: five ways to it, error against time.
+
+    central difference   (f(u + h e) − f(u − h e))/2h, column by column, h from 1e-1 to 1e-8 spacings
+    complex step         Im f(u + i h e)/h, h = 1e-30: no cancellation
+    dense jacfwd         forward differentiation, every column
+    coloured JVP         forward differentiation, columns that share no row together
+    structured           `pdjax.jacobian`, from the model's two small functions
+
+The model is Silling's with λ = μ = 1 (St. Venant–Kirchhoff): its force is a polynomial of degree 3 in u, so that the
+five-point difference with a step of a quarter spacing has no truncation error at all: that is the reference, exact to
+rounding and independent of every method. The complex step needs a force that accepts complex numbers: the same model
+with its stress written out, P = F (λ tr(E) I + 2 μ E). Models whose stress comes from `jax.grad` (all that take a law)
+refuse complex numbers, and norms and absolute values of bonds are not complex-differentiable: there it does not apply.
+"""
+
+from collections.abc import Iterator
+from functools import partial
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from ..coloring import coloured_jacobian
+from ..force import _force_by_state, force_density
+from ..kinematics import displacement_gradient, shape_tensor_K, solve_positive
+from ..laws import LinearElastic
+from ..models import Correspondence
+from ..neighbours import families
+from ..points import lattice
+from ..tangent import jacobian
+from .chart import error_against_time
+from .harness import Case, Task, hosted, kernel
+
+STEPS = tuple(10.0**-k for k in range(1, 9))  # [spacing]
+BATCH = 16  # columns at once
+
+
+class WrittenOut(Correspondence):
+    """Silling's model of a linear law with its stress in closed form: a polynomial, of complex numbers too."""
+
+    law: LinearElastic
+
+    def law_state(self, bonds):
+        H = displacement_gradient(bonds)
+        E = (H + H.T + H.T @ H) / 2
+        S = self.law.lam * jnp.trace(E) * jnp.eye(H.shape[0]) + 2 * self.law.mu * E
+        P = (jnp.eye(H.shape[0]) + H) @ S
+        return solve_positive(shape_tensor_K(bonds), P.T).T
+
+
+def columns(one, size: int):
+    """The matrix whose column i is one(e_i), a few columns at a time."""
+    return jax.lax.map(lambda i: one(jnp.zeros(size).at[i].set(1.0)), jnp.arange(size), batch_size=BATCH).T
+
+
+def central(force, u, h):
+    """Central differences, all columns."""
+    shape = u.shape
+    return columns(
+        lambda e: ((force(u + h * e.reshape(shape)) - force(u - h * e.reshape(shape))) / (2 * h)).ravel(), u.size
+    )
+
+
+def five_point(force, u, h=0.25):
+    """Exact for polynomials of degree 4 along every line."""
+    return (4 * central(force, u, h) - central(force, u, 2 * h)) / 3
+
+
+def complex_step(force, u, h=1e-30):
+    """Im f(u + i h e)/h, all columns."""
+    return columns(lambda e: (force(u + 1j * h * e.reshape(u.shape)).imag / h).ravel(), u.size)
+
+
+def plan(quick: bool) -> Iterator[Task]:
+    """Every method on a plate and on a block."""
+    law = LinearElastic(lam=1.0, mu=1.0)  # type: ignore[call-arg, arg-type]
+    model, polynomial = Correspondence(law), WrittenOut(law)  # type: ignore[arg-type]
+    for shape, horizon in (((10, 9), 2.01), ((4, 4, 3), 2.01)) if quick else (((24, 23), 3.015), ((9, 8, 7), 2.01)):
+        yield from _body(model, polynomial, shape, horizon, STEPS[::3] if quick else STEPS)
+
+
+def _body(model, polynomial, shape: tuple[int, ...], horizon: float, steps) -> Iterator[Task]:
+    """Every method on one lattice, displaced at random by at most 2 % of a spacing."""
+    fams = families(lattice(shape), horizon)
+    u = jnp.asarray(0.02 * np.random.default_rng(7).uniform(-1, 1, (len(fams), fams.dim)))
+    body = {"body": " × ".join(map(str, shape)), "horizon": horizon, "unknowns": u.size}
+    known: list[np.ndarray] = []
+
+    def force(w):
+        return force_density(model, fams, w)
+
+    def error(J) -> float:
+        if not known:
+            known.append(np.asarray(jax.jit(lambda u: five_point(force, u))(u)))
+        J = np.asarray(J) if hasattr(J, "devices") else J.toarray()
+        return float(np.abs(J - known[0]).max() / np.abs(known[0]).max())
+
+    def differences(h):
+        J, row = kernel(lambda u, h: central(force, u, h), u, jnp.asarray(h), repeats=3)
+        return row | {"error": error(J)}
+
+    def imaginary():
+        written = lambda w: _force_by_state(polynomial, fams, fams.bonds(w))  # noqa: E731
+        J, row = kernel(lambda u: complex_step(written, u), u, repeats=3)
+        return row | {"error": error(J)}
+
+    def dense():
+        J, row = kernel(lambda u: jax.jacfwd(force)(u).reshape(u.size, u.size), u, repeats=3)
+        return row | {"error": error(J)}
+
+    def sparse(make):
+        J, row = hosted(lambda: make(model, fams, u))
+        return row | {"error": error(J), "nonzeros": int(J.nnz)}
+
+    for h in steps:
+        yield Task("central difference", {**body, "step": h}, partial(differences, h))
+    yield Task("complex step", body, imaginary)
+    yield Task("dense jacfwd", body, dense)
+    yield Task("coloured JVP", body, partial(sparse, coloured_jacobian))
+    yield Task("structured", body, partial(sparse, jacobian))
+
+
+def draw(rows: list[dict]):
+    """A panel for each body; the numbers are steps in spacings."""
+    return error_against_time(
+        rows,
+        "Jacobian of a body",
+        "largest error over largest entry  [–]",
+        note=lambda row: f"{row['step']:.0e}" if "step" in row else "",
+        panel=lambda row: f"{row['body']} points, horizon {row['horizon']:g} spacings",
+    )
+
+
+CASE = Case("Jacobians: central differences, complex step, jacfwd, coloured JVP, structured", plan, draw)

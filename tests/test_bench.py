@@ -1,0 +1,134 @@
+"""The harness through a tiny case: what is written, what is gone on with, what is refused; and what `advise` reads."""
+
+import json
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from pdjax.__main__ import main
+from pdjax.bench import cases, device
+from pdjax.bench.chart import error_against_time
+from pdjax.bench.harness import Case, Task, counted, kernel, run_case
+
+
+def tiny(counts, fail_at=None, error=KeyboardInterrupt, **settings):
+    """A case of three rows that counts in `counts` which were measured, and stops at one of them if told to."""
+
+    def measure(n):
+        if n == fail_at:
+            raise error
+        counts.append(n)
+        _, row = kernel(lambda x: jnp.sum(x * x), jnp.ones(n))
+        return row | {"error": 10.0**-n}
+
+    def plan(quick):
+        return [Task("sum", {"n": n}, lambda n=n: measure(n)) for n in (1, 2, 3)]
+
+    return Case("a tiny case", plan, lambda rows: error_against_time(rows, "tiny", "error  [–]"), settings)
+
+
+def silent(_):
+    """Say nothing."""
+
+
+def test_a_row_holds_time_compilation_and_counts():
+    A = jnp.ones((64, 64))
+    result, row = kernel(lambda A, B: A @ B, A, A + 0)
+    assert np.all(np.asarray(result) == 64)
+    assert row["flops"] == pytest.approx(2 * 64**3, rel=0.02)  # measured: equal
+    assert row["bytes"] == 3 * 64 * 64 * 8
+    assert row["fastest"] <= row["seconds"] <= row["slowest"] and row["compile_seconds"] > 0
+    assert row["spread"] == pytest.approx((row["slowest"] - row["fastest"]) / row["seconds"])
+
+
+def test_a_backend_that_counts_nothing_says_none():
+    class Mute:
+        cost_analysis = memory_analysis = lambda self: None
+
+    assert counted(Mute()) == {"bytes": None, "flops": None, "temporary_bytes": None}
+
+
+def test_an_interrupted_run_goes_on_with_the_missing_rows(tmp_path):
+    done = []
+    with pytest.raises(KeyboardInterrupt):
+        run_case("tiny", tiny(done, fail_at=3), tmp_path, False, silent)
+    assert done == [1, 2] and [p.name for p in tmp_path.iterdir()] == ["tiny.json"]
+    record = run_case("tiny", tiny(done), tmp_path, False, silent)
+    assert done == [1, 2, 3] and [row["n"] for row in record["rows"]] == [1, 2, 3]
+    assert json.loads((tmp_path / "tiny.json").read_text()) == record
+    assert (tmp_path / "tiny.png").stat().st_size > 5_000
+    run_case("tiny", tiny(done), tmp_path, False, silent)
+    assert done == [1, 2, 3]  # nothing is measured twice
+    run_case("tiny", tiny(done), tmp_path, True, silent)
+    assert done == [1, 2, 3, 1, 2, 3] and (tmp_path / "tiny-quick.json").exists()  # quick rows are others
+
+
+@pytest.mark.parametrize("what", ["machine", "settings", "damaged"])
+def test_a_file_of_another_machine_or_settings_is_left_alone(what, tmp_path):
+    run_case("tiny", tiny([]), tmp_path, False, silent)
+    file, settings = tmp_path / "tiny.json", {}
+    record = json.loads(file.read_text())
+    if what == "machine":
+        record["machine"]["cpu"] = "Z80"
+    file.write_text(json.dumps(record) if what != "damaged" else '{"rows": ')
+    before = file.read_text()
+    if what == "settings":
+        settings = {"load": 2}
+    words = {"machine": "'Z80' there", "settings": "load None there, 2 here", "damaged": "is not a result"}[what]
+    with pytest.raises(ValueError, match=words):
+        run_case("tiny", tiny([], **settings), tmp_path, False, silent)
+    assert file.read_text() == before
+
+
+def test_what_cannot_be_measured_is_said_and_the_rest_goes_on(tmp_path, monkeypatch, capsys):
+    def needs_numba(quick):
+        raise ModuleNotFoundError("No module named 'numba'", name="numba")
+
+    done = []
+    table = {
+        "peer": Case("needs a package", needs_numba, str),
+        "tiny": tiny(done, fail_at=2, error=MemoryError("64 GiB")),
+    }
+    monkeypatch.setattr(cases, "CASES", table)
+    assert main(["bench", "--out", str(tmp_path / "new" / "folder")]) == 0
+    said = capsys.readouterr().out
+    assert "peer: the whole case left out: needs the package numba" in said
+    assert "tiny: sum, n = 2, float64 left out: 64 GiB" in said
+    assert done == [1, 3]
+    assert sorted(p.name for p in (tmp_path / "new" / "folder").iterdir()) == ["tiny.json", "tiny.png"]
+
+
+def test_a_refused_file_does_not_stop_the_other_cases(tmp_path, monkeypatch, capsys):
+    done = []
+    monkeypatch.setattr(cases, "CASES", {"first": tiny([]), "second": tiny(done)})
+    (tmp_path / "first.json").write_text("no")
+    assert main(["bench", "--out", str(tmp_path)]) == 2
+    assert "first.json is not a result" in capsys.readouterr().err
+    assert done == [1, 2, 3]
+
+
+def test_the_list_and_a_wrong_name(capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert main(["bench", "--list"]) == 0
+    said = capsys.readouterr().out
+    assert all(f"{name} " in said and case.about in said for name, case in cases.CASES.items())
+    assert main(["bench", "jacobian"]) == 2
+    assert "there is no case jacobian; there are" in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_device_report_gives_fractions_of_what_was_measured(tmp_path):
+    def save(name, rows):
+        (tmp_path / f"{name}.json").write_text(json.dumps({"machine": {}, "settings": {}, "rows": rows}))
+
+    save(
+        "roofs",
+        [{"method": m, "dtype": d, "rate": r} for m, r in (("triad", 1e9), ("matmul", 1e10)) for d in device.DTYPES],
+    )
+    row = {"method": "work", "dtype": "float64", "seconds": 0.5, "bytes": 1e8, "flops": 1e9, "n": 7}
+    save("other", [row, {**row, "bytes": None}])
+    device.report(tmp_path, False)
+    lines = (tmp_path / "device-report.txt").read_text().splitlines()
+    assert lines[0] == "triad float64: 1.0 GB/s"
+    assert [line.split()[:3] for line in lines[6:]] == [["0.200", "0.2000", "0.5"]]  # 1e8/0.5/1e9, 1e9/0.5/1e10
