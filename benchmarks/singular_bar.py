@@ -7,21 +7,16 @@ printed small-strain one differs from it by percents at σ/E₀ = 10⁻³.
 import time
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from matplotlib.figure import Figure
 
 import pdjax as pd
 from pdjax.bench.harness import write
+from pdjax.bench.statics import MOST, POINTS, bar, distance
 from pdjax.figures import COLOURS
 
 jax.config.update("jax_enable_x64", True)
-POINTS = (50, 100, 200, 400, 800, 1600, 3200)
 METHODS = {"newton": "#000000", "newton_krylov": COLOURS["local"], "relaxation": COLOURS["diagonal"]}
-
-
-def distance(u, known) -> float:
-    return float(jnp.linalg.norm(u - known) / jnp.linalg.norm(known))
 
 
 def look(scene, stress, **how) -> dict:
@@ -79,17 +74,17 @@ def draw(numbers: dict) -> Figure:
         left.loglog([r["n"]], [r["error, nonlinear local"]], mark, color=COLOURS["diagonal"])
     left.plot([], [], "s", color=COLOURS["diagonal"], label="compression, N = 3: a minimum")
     left.plot([], [], "x", color=COLOURS["diagonal"], label="compression, N = 3: a saddle")
-    three = numbers["methods, tension, N = 3"]["newton"]
+    three = numbers["tension by N"][3]
     left.loglog([r["n"] for r in three], [r["error, printed"] for r in three], "k:", label="N = 3, from printed")
     left.set_xlabel("points n  [–]")
     left.set_ylabel("error of u from the local solution  [–]")
     left.set_ylim(5e-3, 8)
     left.legend(frameon=False, fontsize=7, loc="upper right")
     for name, rows in numbers["methods, tension, N = 3"].items():
-        x, y = [r["seconds"] for r in rows], [r["error, nonlinear local"] for r in rows]
+        x, y = [r["seconds"] for r in rows], [r["error"] for r in rows]
         right.loglog(x, y, "o-", color=METHODS[name], markersize=3, label=name.replace("_", "–"))
-    for r in three:
-        place = (r["seconds"], r["error, nonlinear local"])
+    for r in numbers["methods, tension, N = 3"]["newton"]:
+        place = (r["seconds"], r["error"])
         right.annotate(str(r["n"]), place, fontsize=7, xytext=(-4, -9), textcoords="offset points", ha="right")
     right.set_xlabel("time to solve, compilation apart  [s]")
     right.set_ylabel("error of u from the local solution  [–]")
@@ -110,11 +105,7 @@ def main() -> None:
         ]
         for stress in (1e-3, -1e-5)
     }
-    methods = {"newton": tension[3]}
-    for name in ("newton_krylov", "relaxation"):
-        methods[name] = [
-            look(pd.scenes.singular_bar(n, 3, 1e-3), 1e-3, method=name, smallest_step=1.0) for n in POINTS[:-1]
-        ]
+    methods = {name: [{"n": n, **bar(name, n, 3)} for n in POINTS if n <= MOST[name]] for name in METHODS}
     numbers = {
         "tension by N": tension,
         "orders": {N: order([r for r in rows if r["converged"]]) for N, rows in tension.items()},

@@ -11,6 +11,7 @@ import importlib as _importlib
 
 from . import closed_forms, observers, scenes
 from .atlas import Atlas, model_atlas, zero_energy_waves
+from .bench.advice import advise
 from .bloch import center_block, p_wave_modulus, symbol
 from .cells import CellStability, cell_families, cell_stability, cell_symbol, relaxed
 from .conditions import body_force, homogeneous_traction, prescribe, total_force
@@ -136,6 +137,7 @@ __all__ = [
     "TupekRadovitzky",
     "TwoStageModel",
     "WanControl",
+    "advise",
     "amplitude",
     "bar",
     "body_critical_load",

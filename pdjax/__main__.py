@@ -7,8 +7,12 @@ import argparse
 import itertools
 import json
 import math
+import os
 import sys
+import tempfile
 import time
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -30,6 +34,9 @@ _EPILOG = """examples
   pdjax run cuboid --m 0                        the paper's cuboid, pulled and pushed, explicit in time
   pdjax run wave --a=-0.01 --j 20               the wave at the zone's edge of a compressed bar, which grows
 """
+
+
+_FIRST = 1024  # states that a first picture of a map needs
 
 
 def _range(text: str) -> np.ndarray:
@@ -178,19 +185,14 @@ def _map(arguments) -> Job:
     law, path, influence = _setting(arguments)
     picture, data = (writable(f"{arguments.out}.{ending}") for ending in ("png", "npz"))
     start = time.perf_counter()
+    rest = {"N": arguments.N, "dim": arguments.dim, "law": law, "path": path}
+    rest |= {"influence": influence, "resolution": arguments.resolution}
+    if arguments.m.size * arguments.a.size >= 16 * _FIRST:  # a picture soon, of every fourth m and a; then the map
+        first = pd.stability_map(arguments.m[::4], arguments.a[::4], **rest)
+        write_picture(pd.figures.stability_map(first), picture)
+        print(f"first picture, {first.margin.size} states, after {time.perf_counter() - start:.1f} s", file=sys.stderr)
     lines = ["diagonal", "material_center", "affine", "local", "continuum"]
-    grid = pd.stability_map(
-        m=arguments.m,
-        a=arguments.a,
-        N=arguments.N,
-        dim=arguments.dim,
-        law=law,
-        path=path,
-        lines=lines,
-        influence=influence,
-        resolution=arguments.resolution,
-        save=data,
-    )
+    grid = pd.stability_map(arguments.m, arguments.a, lines=lines, save=data, **rest)
     seconds = time.perf_counter() - start
     orders = np.array([-1.0, 0.0, 0.5, 1.0, 2.0])
     rows = _critical_rows(orders, ["symbol", "diagonal"], law, path, influence, arguments)
@@ -284,12 +286,33 @@ def _symbol(arguments) -> Job:
     return out, None if picture is None else files
 
 
+def _keep_compiled(jax: Any) -> None:
+    """Keep compiled programs from run to run: in JAX_COMPILATION_CACHE_DIR, or the user's cache folder if that can be
+    written. A folder that can't costs nothing but the time to compile."""
+    if jax.config.jax_compilation_cache_dir:
+        return
+    folder = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "pdjax" / "compiled"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except (OSError, RuntimeError):  # RuntimeError: there is no home
+        return
+    jax.config.update("jax_compilation_cache_dir", str(folder))
+
+
 def main(argv: list[str] | None = None) -> int:
-    """Run one job; 0 done, 2 bad input, 130 interrupted. Numbers are said before a file is written."""
+    """Run one job; 0 done, 2 bad input, 130 interrupted. Numbers are said before a file is written.
+
+    As a program (argv None) it keeps what it compiles for the next time.
+    """
     arguments = _parser().parse_args(argv)
     import jax
 
     jax.config.update("jax_enable_x64", True)
+    if argv is None:
+        _keep_compiled(jax)
+        jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.2)
     jobs = {"map": _map, "critical": _critical, "symbol": _symbol, "atlas": run_atlas, "bench": run_bench, "run": run}
     job = jobs[arguments.job]
     try:

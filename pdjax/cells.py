@@ -20,7 +20,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex
-from scipy.spatial import cKDTree
 
 from ._checks import deformation_gradient, require
 from .criteria.outcome import margin_tolerance, verdicts
@@ -39,6 +38,8 @@ def cell_families(body: Points, horizon: float, influence: Callable = constant_i
     Arguments: body with a finite period along every axis (`cloud(…, period=…)`, `lattice(…, periodic=True)`); horizon δ
         [length]; influence.  Raises: ValueError for a cell that is not periodic, coinciding points, lonely points.
     """
+    from scipy.spatial import cKDTree
+
     if body.period is None or not np.isfinite(body.period).all():
         raise ValueError(f"a cell must be periodic along every axis; got period {body.period}")
     if not (np.isfinite(horizon) and horizon > 0):

@@ -22,7 +22,6 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
-from scipy.spatial import cKDTree
 
 from ._checks import is_concrete, require
 from .influence import constant_influence
@@ -216,6 +215,8 @@ def _refuse_short_box(body: Points, radius: float) -> None:
 
 def _directed_pairs(body: Points, radius: float) -> tuple[np.ndarray, np.ndarray]:
     """All pairs i < j nearer than `radius`; refuses duplicates and boxes smaller than two horizons."""
+    from scipy.spatial import cKDTree  # late: it takes a third of a second
+
     box = None
     X = body.positions
     _refuse_short_box(body, radius)

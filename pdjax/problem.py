@@ -19,7 +19,6 @@ import jax.numpy as jnp
 import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Array, Bool, Float, Int
-from scipy.sparse.csgraph import connected_components
 
 from ._checks import deformation_gradient, is_concrete
 from .conditions import BodyForce, Condition, HomogeneousTraction, Prescribed, TotalForce, check_points
@@ -180,6 +179,8 @@ def _check_held(body: Points, fams: Families, held: np.ndarray) -> None:
     """Refuse rigid motions that nothing holds, by name, piece by piece; under a transformation it can't look."""
     if not is_concrete(fams):
         return
+    from scipy.sparse.csgraph import connected_components
+
     true = np.asarray(fams.weight) * np.asarray(fams.influence) > 0
     i, slot = np.nonzero(true)
     graph = sp.coo_array((np.ones(len(i)), (i, np.asarray(fams.neighbours)[i, slot])), shape=(len(body),) * 2)

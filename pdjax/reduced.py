@@ -20,10 +20,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import scipy.sparse as sp
-import scipy.sparse.linalg as sla
 from jaxtyping import Array, Float
-from scipy.linalg import LinAlgError, cholesky, eigvalsh_tridiagonal, ldl, solve, solve_triangular
-from scipy.sparse.csgraph import reverse_cuthill_mckee
 
 from .force import each_point
 from .problem import Scene
@@ -118,6 +115,8 @@ class Factor:
     """P A Pᵀ = L D Lᵀ of a symmetric sparse matrix (of a general one: LU with pivoting, and no counts)."""
 
     def __init__(self, A: sp.csc_array, symmetric: bool = True):
+        import scipy.sparse.linalg as sla  # here and elsewhere late: with scipy.linalg it takes a quarter of a second
+
         self.matrix, self.symmetric = A, symmetric
         try:
             if symmetric:
@@ -162,6 +161,9 @@ def count_by_blocks(A: sp.csc_array) -> int:
 
     Costs 3.3 b² per row for bandwidth b, and a few b × b arrays.
     """
+    from scipy.linalg import LinAlgError, cholesky, eigvalsh_tridiagonal, ldl, solve, solve_triangular
+    from scipy.sparse.csgraph import reverse_cuthill_mckee
+
     size = A.shape[0]
     entries = A.tocoo()
     width = int(np.abs(entries.row - entries.col).max(initial=0)) + 1
@@ -195,6 +197,8 @@ def count_positive(A: sp.csc_array) -> int:
     return Factor(A).positive if A.shape[0] <= 40_000 else count_by_blocks(A)
 
 
-def as_operator(apply: Any, size: int) -> sla.LinearOperator:
+def as_operator(apply: Any, size: int) -> Any:
     """A jitted v ↦ A v as a SciPy operator."""
+    import scipy.sparse.linalg as sla
+
     return sla.LinearOperator((size, size), matvec=lambda v: np.asarray(apply(jnp.asarray(v.reshape(-1)))), dtype=float)  # type: ignore

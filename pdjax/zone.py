@@ -62,6 +62,7 @@ def brillouin_zone(dim: int, intervals: int, symmetry: str = "inversion") -> Zon
     groups = [np.flatnonzero(labels == c) for c in range(labels.max() + 1)]
     most = max(len(g) for g in groups)
     members = np.stack([np.concatenate([g, np.full(most - len(g), g[0])]) for g in groups])
+    members = members.astype(np.int32)  # jax 0.10 keeps an int64 constant of a float64 run and fails in float32 on it
     step = np.pi / intervals
     return Zone(np.pi * (index / intervals), members, step, intervals, symmetry)  # π exactly at the corners
 

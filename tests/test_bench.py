@@ -6,6 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+import pdjax as pd
 from pdjax.__main__ import main
 from pdjax.bench import cases, device
 from pdjax.bench.chart import error_against_time
@@ -55,7 +56,7 @@ def test_an_interrupted_run_goes_on_with_the_missing_rows(tmp_path):
         run_case("tiny", tiny(done, fail_at=3), tmp_path, False, silent)
     assert done == [1, 2] and [p.name for p in tmp_path.iterdir()] == ["tiny.json"]
     record = run_case("tiny", tiny(done), tmp_path, False, silent)
-    assert done == [1, 2, 3] and [row["n"] for row in record["rows"]] == [1, 2, 3]
+    assert done == [1, 2, 3] and [row["settings"]["n"] for row in record["rows"]] == [1, 2, 3]
     assert json.loads((tmp_path / "tiny.json").read_text()) == record
     assert (tmp_path / "tiny.png").stat().st_size > 5_000
     run_case("tiny", tiny(done), tmp_path, False, silent)
@@ -126,9 +127,60 @@ def test_device_report_gives_fractions_of_what_was_measured(tmp_path):
         "roofs",
         [{"method": m, "dtype": d, "rate": r} for m, r in (("triad", 1e9), ("matmul", 1e10)) for d in device.DTYPES],
     )
-    row = {"method": "work", "dtype": "float64", "seconds": 0.5, "bytes": 1e8, "flops": 1e9, "n": 7}
+    row = {"method": "work", "dtype": "float64", "seconds": 0.5, "bytes": 1e8, "flops": 1e9, "settings": {"n": 7}}
     save("other", [row, {**row, "bytes": None}])
     device.report(tmp_path, False)
     lines = (tmp_path / "device-report.txt").read_text().splitlines()
     assert lines[0] == "triad float64: 1.0 GB/s"
     assert [line.split()[:3] for line in lines[6:]] == [["0.200", "0.2000", "0.5"]]  # 1e8/0.5/1e9, 1e9/0.5/1e10
+
+
+ROWS = {
+    "slow": {"n": 400, "N": 3, "seconds": 2.0, "error": 1e-3},
+    "middle": {"n": 100, "N": 3, "seconds": 0.5, "error": 1e-2},
+    "fast": {"n": 50, "N": 1, "seconds": 0.1, "error": 1e-1},
+    "none": {"n": 10, "N": 1, "seconds": 0.01, "error": None},
+}
+
+
+def measured(folder, name="statics", cpu="abacus", **changes):
+    """A file of four rows as `pdjax bench` writes it."""
+    rows = [
+        {
+            "method": method,
+            "settings": {"scene": "singular-bar", "n": row["n"], "N": row["N"]},
+            "dtype": "float64",
+            "seconds": row["seconds"],
+            "error": row["error"],
+        }
+        for method, row in ROWS.items()
+    ]
+    (folder / f"{name}.json").write_text(json.dumps({"machine": {"cpu": cpu}, "settings": {}, "rows": rows}))
+
+
+def test_advice_is_the_cheapest_row_that_is_good_enough(tmp_path):
+    measured(tmp_path)
+    found = pd.advise("singular-bar", 0.05, data=tmp_path)
+    assert (found.method, found.error, found.seconds) == ("middle", 1e-2, 0.5)
+    assert found.settings == {"n": 100, "N": 3, "dtype": "float64"}
+    assert [row["method"] for row in found.evidence] == ["fast", "middle", "slow"]
+    assert "middle, n = 100, N = 3, dtype = float64" in repr(found) and "on abacus" in repr(found)
+    assert "4 × the time: slow, n = 400" in repr(found) and "fast" not in repr(found)
+    assert pd.advise("singular-bar", 0.5, data=tmp_path).method == "fast"
+    scene = pd.scenes.singular_bar(60)  # by its name; not by its points
+    assert pd.advise(scene, 1e-3, data=tmp_path).settings["n"] == 400
+
+
+def test_advice_that_cannot_be_given_says_what_there_is(tmp_path):
+    measured(tmp_path)
+    with pytest.raises(ValueError, match=r"best of 3 is slow, n = 400, N = 3, dtype = float64, error 1.00e-03 in"):
+        pd.advise("singular-bar", 1e-4, data=tmp_path)
+    with pytest.raises(ValueError, match=r"no measurements of a scene 'step-size-bar'; there are\n  singular-bar:"):
+        pd.advise(pd.scenes.step_size_bar(40), 0.1, data=tmp_path)
+    with pytest.raises(ValueError, match="holds no rows of wave: measure them with pdjax bench"):
+        pd.advise("wave", 0.1, data=tmp_path)
+    with pytest.raises(ValueError, match="tol must be a finite number > 0"):
+        pd.advise("wave", 0.0, data=tmp_path)
+    measured(tmp_path, "other", cpu="slide rule")
+    with pytest.raises(ValueError, match="from 2 machines, whose times can't be compared: slide rule, abacus"):
+        pd.advise("singular-bar", 0.05, data=tmp_path)

@@ -179,3 +179,42 @@ def test_a_film_that_cannot_be_made_is_refused_before_the_run(tmp_path, capsys, 
     assert main(["run", "wave", "--animate", str(tmp_path / "w.mp4"), "--out", str(tmp_path / "w")]) == 2
     assert "needs the program ffmpeg" in capsys.readouterr().err
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_large_map_shows_a_first_picture_of_every_fourth_state(tmp_path, capsys, monkeypatch):
+    import pdjax as pd
+    from pdjax import __main__ as command
+
+    seen = []
+
+    def quick(m, a, save=None, **_):
+        seen.append((len(m), len(a), (tmp_path / "large.png").exists()))
+        margin = np.add.outer(m, a)
+        grid = StabilityMap(
+            m, a, np.array([3.0]), margin, margin, 0 * margin, m, a, {}, {"criterion": "symbol", "dim": 2}
+        )
+        grid.settings.update(law="none", path="hydrostatic", influence="constant_influence", resolution=[8])
+        return grid
+
+    monkeypatch.setattr(pd, "stability_map", quick)
+    monkeypatch.setattr(command, "_critical_rows", lambda *_: [])
+    assert main(["map", "--m=-1:2:160", "--a=-0.1:0.1:161", "--out", str(tmp_path / "large")]) == 0
+    assert seen == [(40, 41, False), (160, 161, True)]
+    assert "first picture, 1640 states, after" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("kind", ["free", "taken", "asked for"])
+def test_compiled_programs_are_kept_where_that_is_possible(kind, tmp_path, monkeypatch):
+    from types import SimpleNamespace
+
+    from pdjax.__main__ import _keep_compiled
+
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    if kind == "taken":
+        (tmp_path / "cache").write_text("a file, no folder")
+    kept = []
+    given = "/elsewhere" if kind == "asked for" else None
+    config = SimpleNamespace(jax_compilation_cache_dir=given, update=lambda *new: kept.append(new))
+    _keep_compiled(SimpleNamespace(config=config))
+    folder = str(tmp_path / "cache" / "pdjax" / "compiled")
+    assert kept == ([("jax_compilation_cache_dir", folder)] if kind == "free" else [])

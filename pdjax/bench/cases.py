@@ -1,9 +1,14 @@
 """The table of benchmarks: a new one is one line."""
 
-from . import device, jacobians
+from . import criteria, device, integrators, jacobians, precision, start, statics
 from .harness import Case
 
 CASES: dict[str, Case] = {
     device.ROOFS: device.CASE,
+    "start": start.CASE,
     "jacobians": jacobians.CASE,
+    "criteria": criteria.CASE,
+    "statics": statics.CASE,
+    "integrators": integrators.CASE,
+    "precision": precision.CASE,
 }

@@ -18,7 +18,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from .._checks import written_whole
-from .harness import Case, Task, kernel, read
+from .harness import Case, Task, flat, kernel, read
 
 ROOFS = "roofs"
 DTYPES = ("float64", "float32")
@@ -88,7 +88,7 @@ def report(folder: Path, quick: bool) -> str:
     for file in sorted(folder.glob("*.json")):
         if file.stem.endswith("-quick") != quick or file.stem == f"{ROOFS}{ending}":
             continue
-        for row in read(file)["rows"]:
+        for row in flat(read(file)["rows"]):
             if row.get("bytes") is None or row.get("flops") is None or row["dtype"] not in DTYPES:
                 continue
             share = [

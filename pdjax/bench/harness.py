@@ -1,9 +1,9 @@
 """What every benchmark shares: the clock, what a compiled program says of itself, the machine, and files that go on.
 
 A case plans tasks; each task is measured to one row and the case's file is written after every row, so a run that
-was stopped goes on with the rows that are missing. A row is a flat dictionary:
+was stopped goes on with the rows that are missing. A row is a dictionary:
 
-    method, the task's settings, dtype       which row it is
+    method, settings, dtype                  which row it is; settings: a dictionary of what the method was given
     seconds, fastest, slowest, spread        median of the repeated calls, and (slowest − fastest)/median [-]
     compile_seconds                          apart: compilation, or first call − median where the host drives
     error                                    against an exact reference, as the case says; None: there is none
@@ -50,12 +50,13 @@ class Task(NamedTuple):
     @property
     def key(self) -> dict:
         """What tells its row from the others."""
-        return {"method": self.method, **self.settings, "dtype": self.dtype}
+        return {"method": self.method, "settings": self.settings, "dtype": self.dtype}
 
 
 @dataclass(frozen=True)
 class Case:
-    """about: one line; plan(quick) → tasks; draw(rows) → matplotlib Figure; settings: what all rows have in common."""
+    """about: one line; plan(quick) → tasks; draw(rows, their settings beside the rest) → matplotlib Figure; settings:
+    what all rows have in common."""
 
     about: str
     plan: Callable[[bool], Iterable[Task]]
@@ -95,14 +96,18 @@ def timed(work: Callable[[], Any], repeats: int = 5) -> dict:
     return {"first": first, "median": float(np.median(spent)), "fastest": min(spent), "slowest": max(spent)}
 
 
+def summary(spent: list[float]) -> dict:
+    """Median and spread of measured seconds."""
+    median, low, high = float(np.median(spent)), min(spent), max(spent)
+    return {"seconds": median, "fastest": low, "slowest": high, "spread": (high - low) / median, "calls": len(spent)}
+
+
 def _repeated(work: Callable[[], Any], repeats: int) -> dict:
     """Seconds of at least `repeats` calls, more where they are short."""
     spent = [_seconds(work)[0] for _ in range(repeats)]
     while sum(spent) < ENOUGH and len(spent) < MOST:
         spent.append(_seconds(work)[0])
-    median = float(np.median(spent))
-    low, high = min(spent), max(spent)
-    return {"seconds": median, "fastest": low, "slowest": high, "spread": (high - low) / median, "calls": len(spent)}
+    return summary(spent)
 
 
 def counted(compiled: Any) -> dict:
@@ -177,6 +182,11 @@ def _begun(file: Path, case: Case, quick: bool) -> dict:
     return {**record, "left_out": []}
 
 
+def flat(rows: list[dict]) -> list[dict]:
+    """Rows with their settings beside the rest."""
+    return [{**row["settings"], **row} for row in rows]
+
+
 def _save(record: dict, file: Path) -> None:
     with written_whole(file) as stream:
         stream.write((json.dumps(finite_or_none(record), ensure_ascii=False, indent=1) + "\n").encode())
@@ -225,7 +235,7 @@ def run_case(name: str, case: Case, folder: Path, quick: bool, say: Say) -> dict
     if record["rows"]:
         _save(record, file)
         with written_whole(folder / f"{stem}.png") as stream:
-            case.draw(record["rows"]).savefig(stream, dpi=140, format="png")
+            case.draw(flat(record["rows"])).savefig(stream, dpi=140, format="png")
     return record
 
 

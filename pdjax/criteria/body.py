@@ -15,7 +15,6 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 import scipy.sparse as sp
-import scipy.sparse.linalg as sla
 from jaxtyping import Array
 
 from .._checks import choice
@@ -95,6 +94,8 @@ def _tolerance(norm: float, dtype: Any) -> float:
 
 def _norm(H: Any) -> float:
     """‖H‖ by a few Lanczos steps: a lower bound within a per cent."""
+    import scipy.sparse.linalg as sla
+
     if H.shape[0] < 3:
         return float(np.linalg.norm(H @ np.eye(H.shape[0]), 2))
     return float(abs(sla.eigsh(H, k=1, which="LM", tol=1e-3, return_eigenvectors=False)[0]))
@@ -130,6 +131,8 @@ def nearest(H: Any, factor: Factor, shift: float, k: int, start: np.ndarray | No
     A solve is good to eps × condition, so Lanczos can't always bring k pairs to 1e-8 (the error of a value is its
     square): those that it did are taken, or else the one that inverse iteration finds.
     """
+    import scipy.sparse.linalg as sla
+
     inverse = sla.LinearOperator(H.shape, matvec=factor.solve, dtype=float)
     try:
         return sla.eigsh(H, k=k, sigma=shift, OPinv=inverse, v0=start, tol=1e-8, maxiter=200)
@@ -145,6 +148,8 @@ def nearest(H: Any, factor: Factor, shift: float, k: int, start: np.ndarray | No
 
 def _certified_top(H: sp.csc_array, count: int, tolerance: float) -> tuple:
     """The largest eigenvalues by shift and invert, and the number above tolerance, both proved by inertia."""
+    import scipy.sparse.linalg as sla
+
     size, factors = H.shape[0], 0
 
     def near(shift: float, k: int) -> tuple[int, np.ndarray, np.ndarray]:
@@ -214,6 +219,8 @@ def body_spectrum(scene: Scene, u=None, count: int | None = None, factor: float 
         if method == "sparse":
             values, vectors, positive, factors = _certified_top(H, k, tolerance)
         else:
+            import scipy.sparse.linalg as sla
+
             values, vectors = sla.eigsh(H, k=k, which="LA", tol=1e-11, ncv=min(size, max(40, 3 * k)), maxiter=2000)
             values, vectors = values[::-1], vectors[:, ::-1]
     residuals = np.array([np.linalg.norm(H @ w - x * w) for x, w in zip(values, vectors.T, strict=True)])

@@ -16,7 +16,6 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-import scipy.sparse.linalg as sla
 
 from ..problem import Scene, still
 from ..reduced import Factor, Singular, as_operator, count_positive, matrix, product_rate, unknown_volumes
@@ -115,6 +114,8 @@ def body_critical_load(
     walk.seen.append((0.0, lu.positive))
     if walk.seen[0][1] > 0:
         return walk.answer(0.0, _near_zero(H, lu, None)[1], True)
+    import scipy.sparse.linalg as sla
+
     inverse = sla.LinearOperator(H.shape, matvec=lambda v: -lu.solve(v), dtype=float)
     strength, vector = sla.eigsh(rate, k=1, M=-H, Minv=inverse, which="LA", tol=1e-6)
     del lu, inverse, H  # one factor at a time: it is most of the memory

@@ -6,7 +6,6 @@ matrix is stored. Lanczos comes from below, so Δt_cr comes from above, within A
 
 import jax.numpy as jnp
 import numpy as np
-import scipy.sparse.linalg as sla
 
 from .._checks import is_concrete
 from ..force import point_field
@@ -45,6 +44,8 @@ def critical_time_step(motion: Motion, u=None, t=0.0) -> float:
             raise ValueError("the forces at u are not finite: no time step can follow them")
         if not moved.any():
             return float("inf")
+        import scipy.sparse.linalg as sla
+
         find = sla.eigsh if scene.model.hyperelastic else sla.eigs
         try:
             largest = float(abs(find(H, k=1, which="LM", tol=ACCURACY, v0=start, return_eigenvectors=False)[0]))

@@ -16,7 +16,6 @@ import jax
 import jax.numpy as jnp
 import lineax as lx
 import numpy as np
-import scipy.sparse.linalg as sla
 from jaxtyping import Array
 
 from ..problem import Scene
@@ -49,6 +48,8 @@ def krylov(scene: Scene, q: Array, factor: float) -> Callable[[np.ndarray], np.n
     def solve(b):
         size = np.linalg.norm(b)
         if scene.model.hyperelastic:
+            import scipy.sparse.linalg as sla
+
             # SciPy stops at ‖Ax − b‖ ≤ rtol ‖A‖ ‖x‖: rtol must outweigh a condition number of 10⁷
             x, _ = sla.minres(apply, b / size, rtol=1e-12, maxiter=20 * q.shape[0])
         else:

@@ -1,0 +1,78 @@
+"""float32 beside float64: what a map, an equilibrium and a motion lose and what they gain.
+
+    map       the symbol's margin on a coarse default map (2D, N = 3), by intervals of the zone; the error is the
+              largest difference of margins from the float64 map at 64 intervals
+    statics   the singular bar by Newton (see `statics`)
+    dynamics  a travelling wave by velocity Verlet and Dopri8 (see `integrators`)
+
+Every row is measured in its own precision from the points on; references are float64's.
+"""
+
+from collections.abc import Iterator
+from functools import cache, partial
+
+import numpy as np
+
+from ..laws import LinearElastic
+from ..maps import StabilityMap, stability_map
+from . import integrators, statics
+from .chart import error_against_time
+from .harness import Case, Task, enable_x64, hosted
+
+DTYPES = ("float64", "float32")
+ORDERS, LOADS = (-2.0, 2.0, 24), (-0.3, 0.3, 25)
+FINE = 64
+
+
+def _map(intervals: int, shape: tuple[int, int]) -> StabilityMap:
+    """The coarse map in the present precision."""
+    m, a = (np.linspace(low, high, n) for (low, high, _), n in zip((ORDERS, LOADS), shape, strict=True))
+    law = LinearElastic(lam=1.0, mu=1.0)  # type: ignore[call-arg, arg-type]
+    return stability_map(m, a, law=law, resolution=intervals, show_progress=False)
+
+
+@cache
+def _fine(shape: tuple[int, int]) -> StabilityMap:
+    with enable_x64(True):
+        return _map(FINE, shape)
+
+
+def margins(intervals: int, shape: tuple[int, int]) -> dict:
+    """One row of maps."""
+    found, row = hosted(lambda: _map(intervals, shape))
+    exact = _fine(shape)
+    differ = found.verdict != exact.verdict
+    return row | {
+        "error": float(np.abs(found.margin - exact.margin).max()),
+        "verdicts that differ": float(np.mean(differ)),
+        "of these called marginal": float(np.mean(differ & (found.verdict == "marginal"))),
+    }
+
+
+def plan(quick: bool) -> Iterator[Task]:
+    """All of it in both precisions."""
+    shape = (6, 5) if quick else (ORDERS[2], LOADS[2])
+    for dtype in DTYPES:
+        for intervals in (8,) if quick else (8, 16, 24, 48):
+            settings = {"scene": "map", "N": 3, "intervals": intervals}
+            yield Task("symbol", settings, partial(margins, intervals, shape), dtype)
+        for n in statics.POINTS[: 2 if quick else -1]:
+            yield statics.task("newton", n, 3, dtype)
+        for name, counts in ((integrators.VERLET, integrators.VERLET_STEPS), ("Dopri8 (8)", (16, 32, 64))):
+            for steps in counts[: 1 if quick else None]:
+                yield integrators.task(name, steps, dtype)
+
+
+def draw(rows: list[dict]):
+    """A panel for each part; the numbers are intervals, points, steps."""
+    return error_against_time(
+        rows,
+        "float32 beside float64",
+        "error: largest of margins; of u, relative; of u and v, relative  [–]",
+        line=lambda row: f"{row['method']}, {row['dtype']}",
+        note=lambda row: str(row.get("intervals", row.get("steps", row.get("n")))),
+        panel=lambda row: row["scene"],
+    )
+
+
+CASE = Case("Precision: float32 beside float64 for a map, statics, dynamics", plan, draw)
