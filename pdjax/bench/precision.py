@@ -22,6 +22,11 @@ from .harness import Case, Task, enable_x64, hosted
 DTYPES = ("float64", "float32")
 ORDERS, LOADS = (-2.0, 2.0, 24), (-0.3, 0.3, 25)
 FINE = 64
+PANELS = {
+    "map": "map: largest error of a margin",
+    statics.SCENE: "singular bar: error of u, relative",
+    integrators.SCENE: "wave: largest error of u and v, relative",
+}
 
 
 def _map(intervals: int, shape: tuple[int, int]) -> StabilityMap:
@@ -68,10 +73,10 @@ def draw(rows: list[dict]):
     return error_against_time(
         rows,
         "float32 beside float64",
-        "error: largest of margins; of u, relative; of u and v, relative  [–]",
+        "error  [–]",
         line=lambda row: f"{row['method']}, {row['dtype']}",
         note=lambda row: str(row.get("intervals", row.get("steps", row.get("n")))),
-        panel=lambda row: row["scene"],
+        panel=lambda row: PANELS[row["scene"]],
     )
 
 
