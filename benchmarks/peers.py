@@ -39,8 +39,8 @@ MODELS = {
 
 def ours(model, fams):
     """pdjax's side of every comparison: f(u), compiled. Whatever way becomes the quickest is put here."""
-    force = jax.jit(lambda model, fams, u: pd.force_density(model, fams, u))
-    return lambda u: np.asarray(force(model, fams, jnp.asarray(u)))
+    operator = pd.force_operator(model, fams)
+    return lambda u: np.asarray(operator(jnp.asarray(u)))
 
 
 def peer(name: str):

@@ -18,7 +18,8 @@ import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Array, Float, Int
 
-from .force import check_model, force_density, point_field
+from .evaluate import force_density
+from .force import check_model, point_field
 from .models.base import AbstractModel
 from .neighbours import Families
 

@@ -22,7 +22,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from ._checks import deformation_gradient, is_concrete
 from .conditions import BodyForce, Condition, HomogeneousTraction, Prescribed, TotalForce, check_points
-from .evaluate import force_density
+from .evaluate import ForceOperator, force_density, force_operator
 from .force import body_bonds
 from .models.base import AbstractModel
 from .neighbours import Families
@@ -35,7 +35,7 @@ class Scene(eqx.Module):
     body, families, model; unknowns (unknowns,): where the free components stand in the flattened displacement
     (points·dim,); prescribed (points, dim) [length], 0 where free; load (points, dim) [force/length^dim]; mean
     (dim, dim) or None: mean deformation of a periodic body; closed_form (points, dim) [length] or None: the
-    displacement it is known to have at load factor 1.
+    displacement it is known to have at load factor 1; operator: its force, prepared (`prepared()`), or None.
     """
 
     body: Points
@@ -47,6 +47,7 @@ class Scene(eqx.Module):
     mean: Float[Array, "dim dim"] | None
     closed_form: Float[Array, "points dim"] | None
     name: str = eqx.field(static=True, default="scene")
+    operator: ForceOperator | None = None
 
     @property
     def free(self) -> Bool[np.ndarray, "points dim"]:
@@ -67,9 +68,15 @@ class Scene(eqx.Module):
         eye = jnp.eye(self.mean.shape[0], dtype=self.mean.dtype)
         return eye + factor * (self.mean - eye)
 
+    def prepared(self) -> "Scene":
+        """The same scene with all of its force that does not depend on u computed: for loops of many evaluations."""
+        operator = force_operator(self.model, self.families, mean=self.mean is not None)
+        return eqx.tree_at(lambda s: s.operator, self, operator, is_leaf=lambda x: x is None)
+
     def unbalanced(self, u: Float[Array, "points dim"], factor=1.0) -> Float[Array, "points dim"]:
         """V (f + λ b) [force] on every point; where held, minus the reaction."""
-        f = force_density(self.model, self.families, u, self.mean_deformation(factor))
+        F = self.mean_deformation(factor)
+        f = force_density(self.model, self.families, u, F) if self.operator is None else self.operator(u, F)
         return self.families.volumes[:, None] * (f + factor * self.load)
 
 

@@ -26,6 +26,7 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float
 
 from ._checks import choice
+from .coloring import coloured_jacobian
 from .evaluate import force_density
 from .force import _split, body_bonds, check_model, point_field
 from .models.base import AbstractModel, PointStateModel, TwoStageModel
@@ -124,9 +125,12 @@ def jacobian(model: AbstractModel, fams: Families, u, form: str = "sparse", F=No
 
     Rows and columns run over points, then components. `form` "dense": a JAX array by `jax.jacfwd` (differentiable;
     memory grows with points²); "sparse": a scipy.sparse `csr_array` assembled from structure (`.tobsr((dim, dim))`
-    for blocks). Arguments and errors otherwise as `force_density`.
+    for blocks); "coloured": the same matrix probed by JVPs along colours, for a check or a model of your own whose
+    families are too large for the structure. Arguments and errors otherwise as `force_density`.
     """
-    choice("form", form, ("sparse", "dense"))
+    choice("form", form, ("sparse", "dense", "coloured"))
+    if form == "coloured":
+        return coloured_jacobian(model, fams, u, F)
     bonds = body_bonds(model, fams, u, F)
     if form == "sparse":
         return _sparse(model, fams, bonds)

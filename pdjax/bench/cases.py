@@ -1,6 +1,6 @@
 """The table of benchmarks: a new one is one line."""
 
-from . import criteria, device, integrators, jacobians, precision, start, statics
+from . import criteria, device, integrators, jacobians, precision, start, statics, ways
 from .harness import Case
 
 CASES: dict[str, Case] = {
@@ -11,4 +11,5 @@ CASES: dict[str, Case] = {
     "statics": statics.CASE,
     "integrators": integrators.CASE,
     "precision": precision.CASE,
+    "ways": ways.CASE,
 }

@@ -21,7 +21,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..coloring import coloured_jacobian
-from ..force import _force_by_state, force_density
+from ..evaluate import force_density
+from ..force import whole_force
 from ..kinematics import displacement_gradient, shape_tensor_K, solve_positive
 from ..laws import LinearElastic
 from ..models import Correspondence
@@ -100,7 +101,7 @@ def _body(model, polynomial, shape: tuple[int, ...], horizon: float, steps) -> I
         return row | {"error": error(J)}
 
     def imaginary():
-        written = lambda w: _force_by_state(polynomial, fams, fams.bonds(w))  # noqa: E731
+        written = lambda w: whole_force(polynomial, fams, fams.bonds(w))  # noqa: E731
         J, row = kernel(lambda u: complex_step(written, u), u, repeats=3)
         return row | {"error": error(J)}
 

@@ -75,6 +75,10 @@ class Motion(eqx.Module):
         """ρ_i V_i [mass]."""
         return (self.density * self.scene.families.volumes)[:, None]
 
+    def prepared(self) -> "Motion":
+        """The same motion with its force prepared for many evaluations."""
+        return eqx.tree_at(lambda m: m.scene, self, self.scene.prepared())
+
     def factor(self, t) -> tuple[Array, Array]:
         """λ and dλ/dt at t."""
         t = jnp.asarray(t, self.start.dtype)

@@ -69,7 +69,7 @@ class _Kick(eqx.Module):
 
 def diffrax_terms(motion: Motion) -> diffrax.ODETerm:
     """y' of the module's head as one term; `args` is not used."""
-    return diffrax.ODETerm(_Field(motion))
+    return diffrax.ODETerm(_Field(motion.prepared()))
 
 
 def symplectic_terms(motion: Motion) -> tuple[diffrax.ODETerm, diffrax.ODETerm]:
@@ -79,7 +79,7 @@ def symplectic_terms(motion: Motion) -> tuple[diffrax.ODETerm, diffrax.ODETerm]:
     """
     if is_concrete(motion.damping) and motion.damping != 0:
         raise ValueError(f"symplectic terms are for undamped motions; this one has damping {motion.damping}")
-    return diffrax.ODETerm(_Drift()), diffrax.ODETerm(_Kick(motion))
+    return diffrax.ODETerm(_Drift()), diffrax.ODETerm(_Kick(motion.prepared()))
 
 
 @eqx.filter_jit

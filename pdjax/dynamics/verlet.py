@@ -126,7 +126,7 @@ def advance(motion: Motion, state: State, dt: Float[Array, ""], steps: int) -> S
     def block(state, _):
         return jax.lax.scan(one, state, length=size)[0], None
 
-    size = max(1, math.isqrt(steps))
+    motion, size = motion.prepared(), max(1, math.isqrt(steps))
     state, _ = jax.lax.scan(block, state, length=steps // size)
     if steps % size:
         state, _ = jax.lax.scan(one, state, length=steps % size)

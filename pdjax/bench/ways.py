@@ -1,0 +1,111 @@
+"""The ways to evaluate the force density of a body: time against horizon and points, and what they differ by.
+
+A lattice in 3D, random displacements of 1e-2 spacings. `error`: the largest difference from the slices of the same body
+(whose own error is rounding: the tests compare every way with the general path), over the largest force; of the slices
+themselves from the padded families, where those are small enough to be made. The operator is prepared before; its price
+is the row's `prepare_seconds`.
+"""
+
+import resource
+import time
+from collections.abc import Iterator
+from functools import partial
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from ..evaluate import ForceOperator, force_operator, ways_of
+from ..laws import LinearElastic
+from ..models import LPS, BondBased, Correspondence, SethHill
+from ..neighbours import Families, families
+from ..points import lattice
+from .harness import Case, Task, kernel
+
+LAW = LinearElastic(lam=1.0, mu=1.0)  # type: ignore[call-arg, arg-type]
+MODELS = {
+    "bond-based": BondBased(1.0),  # type: ignore[arg-type]
+    "LPS": LPS(1.0, 1.0),  # type: ignore[arg-type]
+    "Silling": Correspondence(LAW),
+    "Seth–Hill 1": SethHill(1.0, LAW),  # type: ignore[arg-type]
+    "Seth–Hill ½": SethHill(0.5, LAW),  # type: ignore[arg-type]
+}
+BONDS = 5e7  # padded arrays beyond that many bonds are not made: 48 bytes each, and as many again turned round
+
+
+def _body(n: int, horizon: float) -> tuple[Families, jax.Array]:
+    body = lattice((n, n, n))
+    bonds = n**3 * 4.2 * horizon**3
+    fams = families(body, horizon, arrays=bonds < BONDS)
+    return fams, jnp.asarray(1e-2 * np.random.default_rng(1).normal(size=(n**3, 3)))
+
+
+def _call(operator: ForceOperator, u: jax.Array) -> jax.Array:
+    return operator(u)
+
+
+def evaluate(model: str, way: str, n: int, horizon: float) -> dict:
+    """One row."""
+    fams, u = _body(n, horizon)
+    start = time.perf_counter()
+    operator = force_operator(MODELS[model], fams, way)
+    jax.block_until_ready(jax.tree.leaves(operator.plan))
+    prepared = time.perf_counter() - start
+    f, row = kernel(_call, operator, u)
+    other = "slices" if way != "slices" else "families"
+    error = None
+    if other in ways_of(MODELS[model], fams):
+        known = force_operator(MODELS[model], fams, other)(u)
+        error = float(jnp.max(jnp.abs(f - known)) / jnp.max(jnp.abs(known)))
+    bonds = float(fams.count.sum())
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
+    more = {"prepare_seconds": prepared, "nanoseconds_a_bond": 1e9 * row["seconds"] / bonds, "peak_GiB_so_far": peak}
+    return row | more | {"error": error, "points": n**3, "bonds": bonds}
+
+
+def plan(quick: bool) -> Iterator[Task]:
+    """Horizons 2 to 8 at one size, then sizes to 10⁶ points at one horizon."""
+    n, horizons = (12, (2.015, 3.015)) if quick else (32, (2.015, 3.015, 4.015, 5.015, 6.015, 8.015))
+    sizes = (22,) if quick else (22, 46, 100)
+    wanted = [(n, h) for h in horizons] + [(size, 3.015) for size in sizes]
+    for model in MODELS:
+        for size, horizon in wanted:
+            for way in ("families", "slices", "fft"):
+                if way == "fft" and not MODELS[model].degree:
+                    continue
+                if way == "families" and size**3 * 4.2 * horizon**3 >= BONDS:
+                    continue
+                settings = {"model": model, "n": size, "horizon": horizon}
+                yield Task(way, settings, partial(evaluate, model, way, size, horizon))
+
+
+def draw(rows: list[dict]):
+    """Left: time of one evaluation against the horizon. Right: time a point against the points."""
+    from matplotlib.figure import Figure
+
+    from .chart import SHADES
+
+    figure = Figure(figsize=(11, 4.6), layout="constrained")
+    left, right = figure.subplots(1, 2)
+    sizes = sorted({row["n"] for row in rows})
+    common = max(sizes, key=lambda n: len({row["horizon"] for row in rows if row["n"] == n}))
+    styles = {"families": ":", "slices": "-", "fft": "--"}
+    for k, model in enumerate(MODELS):
+        for way, style in styles.items():
+            mine = [row for row in rows if row["model"] == model and row["method"] == way]
+            over = sorted((r["horizon"], 1e3 * r["seconds"]) for r in mine if r["n"] == common)
+            if over:
+                left.plot(*zip(*over, strict=True), style, marker="o", ms=3, color=SHADES[k], label=f"{model}, {way}")
+            grown = sorted((r["points"], 1e9 * r["seconds"] / r["points"]) for r in mine if r["horizon"] == 3.015)
+            if grown:
+                right.plot(*zip(*grown, strict=True), style, marker="o", ms=3, color=SHADES[k])
+    left.set(yscale="log", xlabel="horizon  [spacings]", ylabel="one force evaluation  [ms]")
+    left.set_title(f"{common}³ points", fontsize=10)
+    right.set(xscale="log", yscale="log", xlabel="points", ylabel="time a point  [ns]")
+    right.set_title("horizon 3.015 spacings", fontsize=10)
+    figure.legend(*left.get_legend_handles_labels(), loc="outside right center", frameon=False, fontsize=8)
+    figure.suptitle("Ways to evaluate a body", fontsize=11)
+    return figure
+
+
+CASE = Case("Ways to evaluate a body: families, slices, FFT over the horizon and to 10⁶ points", plan, draw)
