@@ -72,6 +72,7 @@ from .models import (
     TwoStageModel,
     WanControl,
     graded,
+    linearised,
     plane_bulk_modulus,
 )
 from .neighbours import Bonds, Families, Family, families, lattice_family
@@ -178,6 +179,7 @@ __all__ = [
     "lattice",
     "lattice_family",
     "linear_influence",
+    "linearised",
     "load_slope",
     "local_strain",
     "log_stretch",

@@ -95,7 +95,7 @@ def _symmetric(fams: Families) -> bool:
     """Whether every bond weighs the same from both ends; known only of concrete arrays."""
     if not is_concrete(fams):
         return fams.grid is not None
-    omega = np.asarray(fams.influence * fams.weight)
+    omega = np.asarray(fams.influence) * np.asarray(fams.weight)
     return bool((omega == omega[np.asarray(fams.neighbours), np.asarray(fams.reverse)]).all())
 
 

@@ -96,6 +96,31 @@ def test_derivatives_go_through_every_way(way):
     assert abs(left - right) < 1e-12 * abs(left)  # measured: 1e-15
 
 
+ADDITIVE = [n for n in BY_MOMENTS if table.MODELS[n].additive and n not in FLAT]
+
+
+@pytest.mark.parametrize("name", ADDITIVE)
+def test_the_linearised_model_is_the_jacobian_about_a_homogeneous_deformation(name):
+    """On a body with surfaces and a hole, u = (F − I) X: J v by forward differentiation of the general path."""
+    model, (body, horizon), F = table.MODELS[name], LATTICES[2], bodies.deformation(2, 9)
+    fams = pd.families(body, horizon, pd.gaussian_influence)
+    u = jnp.asarray(body.positions @ (F - np.eye(2)).T)
+    v = jnp.asarray(bodies.random(8).normal(size=u.shape))
+    expected = jax.jit(lambda u, v: jax.jvp(lambda w: whole_force(model, fams, fams.bonds(w)), (u,), (v,))[1])(u, v)
+    tangent = pd.linearised(model, F)
+    ways = ways_of(tangent, fams)
+    assert ("fft" in ways) == (name != "littlewood control")  # whose force has no ω
+    for way in ways:
+        assert relative(pd.force_density(tangent, fams, v, way=way), expected) < 1e-12, way  # measured: 1e-14
+
+
+def test_what_can_not_be_linearised_is_refused():
+    with pytest.raises(ValueError, match=r"got BondLevel: use pd\.jvp"):
+        pd.linearised(pd.BondLevel(table.LINEAR), np.eye(2))
+    with pytest.raises(ValueError, match="det F > 0"):
+        pd.linearised(pd.SethHill(0.0, table.LINEAR), -np.eye(1))
+
+
 def test_the_operator_compiles_once_and_is_what_scenes_use():
     body = pd.lattice((7, 5), 0.5)
     fams = pd.families(body, 1.01)

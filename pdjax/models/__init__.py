@@ -8,6 +8,7 @@ from .catalogue import CATALOGUE
 from .control import LittlewoodControl, SillingControl, WanControl
 from .correspondence import Correspondence
 from .graded import graded
+from .linearised import linearised
 from .lps import LPS
 from .plane import plane_bulk_modulus
 from .reproducing_kernel import ReproducingKernel
@@ -34,5 +35,6 @@ __all__ = [
     "TwoStageModel",
     "WanControl",
     "graded",
+    "linearised",
     "plane_bulk_modulus",
 ]

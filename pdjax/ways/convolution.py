@@ -121,6 +121,8 @@ def make_plan(
 
     def force(bond):
         zero = jnp.zeros(entries, xi.dtype)
+        if not entries:  # both ends of a bond pull with the same t
+            return 2 * model.bond_force(unravel(zero), unravel(zero), bond)[:, None]
         return jax.jacfwd(lambda a: model.bond_force(unravel(a), unravel(a), bond))(zero)
 
     first, second = [], []
@@ -132,11 +134,8 @@ def make_plan(
         floor = 1e-13 * np.abs(table).max(initial=0.0)
         for at in np.ndindex(*table.shape[1:]):
             k, q = at[:2]
-            pairs = [
-                ((*p, *(x)), (*r, *(y)), s)
-                for p, r, s in _powers(at[2:])
-                for x, y in (((-1 - q,), ()), ((), (-1 - q,)))
-            ]
+            ends = (((-1 - q,), ()), ((), (-1 - q,))) if entries else (((), ()),)
+            pairs = [((*p, *x), (*r, *y), s) for p, r, s in _powers(at[2:]) for x, y in ends]
             second += _terms(kernels, k, table[(slice(None), *at)], pairs, floor)
     return Plan(tuple(first), tuple(second), size, entries), np.array(kernels.rows).reshape(-1, len(xi))
 
@@ -188,11 +187,11 @@ class Convolution(eqx.Module):
         x = x.T
         if self.sites is not None:
             x = jnp.zeros((x.shape[0], math.prod(self.cells)), x.dtype).at[:, self.sites].set(x)
-        return x.reshape(-1, *self.cells)
+        return x.reshape(x.shape[0], *self.cells)
 
     def collect(self, x: Array) -> Array:
         """(components, cells) → (points, components)."""
-        x = x.reshape(x.shape[0], -1).T
+        x = x.reshape(x.shape[0], math.prod(self.cells)).T
         return x if self.sites is None else x[self.sites]
 
     def _sum(self, terms: tuple[Term, ...], count: int, u: Array, state: Array) -> list[Array]:
@@ -231,10 +230,11 @@ class Convolution(eqx.Module):
         real = self.filled.dtype
         U = self.embed(u.astype(real))
         dim = u.shape[1]
-        deformed = jnp.stack(self._sum(self.plan.moments, self.plan.entries, U, U[:0]))
-        reference, deformed = (x.reshape(x.shape[0], -1) for x in (self.reference, deformed))
+        sums = self._sum(self.plan.moments, self.plan.entries, U, U[:0])
+        deformed = jnp.stack([U[0], *sums])[1:]  # U[0]: a stack of nothing has no shape
+        reference, deformed = (x.reshape(x.shape[0], math.prod(self.cells)) for x in (self.reference, deformed))
         rows = state_rows(model, dim, real, reference, deformed, horizon)
-        state = jnp.stack([jnp.where(self.filled > 0, r.reshape(self.cells), 0.0) for r in rows])
+        state = jnp.stack([U[0], *(jnp.where(self.filled > 0, r.reshape(self.cells), 0.0) for r in rows)])[1:]
         return self.collect(jnp.stack(self._sum(self.plan.forces, dim, U, state)) * self.filled)
 
 

@@ -10,6 +10,7 @@ neighbour is always the same number of places ahead or behind, and never in the 
 periodic axis has ⌊N⌋ cells of the other end on both sides instead. What is not a point has volume 0.
 """
 
+import math
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -21,7 +22,7 @@ from jaxtyping import Array, Float, Int
 from ..neighbours import Families, Grid
 
 BLOCK = 10**9
-UNROLLED = (9, 8, 7, 6, 10)  # slots taken in one step of the loop
+UNROLLED = (9, 8, 7, 6, 10)  # slots in one step of the loop, where bonds cost so little that sums are what is paid for
 
 
 class Slot(NamedTuple):
@@ -33,14 +34,9 @@ class Slot(NamedTuple):
     back: Array | None  # ω of the reverse bond; None: the same
 
 
-def _group(slots: int, long: bool) -> int:
-    """How many slots one step of the loop takes: few steps, little left over; one where compiling costs more."""
-    return min(UNROLLED, key=lambda g: (-(-slots // g) * g, -g)) if long and slots > 10 else 1
-
-
-def _grouped_numbers(slots: int, long: bool) -> np.ndarray:
-    """0 … slots − 1 in steps of a group; −1 where nothing is left."""
-    group = _group(slots, long)
+def _steps(slots: int, unrolled: bool) -> np.ndarray:
+    """0 … slots − 1 in steps of equal length, −1 where nothing is left; one slot a step unless `unrolled`."""
+    group = min(UNROLLED, key=lambda g: (-(-slots // g) * g, -g)) if unrolled and slots > 10 else 1
     return np.append(np.arange(slots), np.full(-slots % group, -1)).reshape(-1, group).astype(np.int32)
 
 
@@ -113,7 +109,7 @@ class SlotWalk(eqx.Module):
 
     def numbers(self, pairs: bool) -> np.ndarray:
         """Numbers of the slots, (steps, group), −1 where nothing is left."""
-        return _grouped_numbers(self.omega.shape[0], self.omega.shape[1] > 4096)
+        return _steps(self.omega.shape[0], False)
 
     def slot(self, number: Array, c) -> Slot:
         """One slot of a block."""
@@ -194,20 +190,20 @@ class GridWalk(eqx.Module):
         x = x.T
         if self.sites is not None:
             x = jnp.zeros((x.shape[0], int(np.prod(self.cells))), x.dtype).at[:, self.sites].set(x)
-        x = x.reshape(-1, *self.cells)
+        x = x.reshape(x.shape[0], *self.cells)
         for axis, (b, e, wraps) in enumerate(zip(self.before, self.behind, self.periodic, strict=True)):
             width = [(0, 0)] * x.ndim
             width[axis + 1] = (b, e)
             x = jnp.pad(x, width, mode="wrap" if wraps else "constant")
-        x = x.reshape(x.shape[0], -1)
+        x = x.reshape(x.shape[0], math.prod(x.shape[1:]))
         return jnp.pad(x, ((0, 0), (0, self.flat - x.shape[1])))
 
     def collect(self, x: Array) -> Array:
         """(components, flat) → (points, components)."""
         padded = [n + b + e for n, b, e in zip(self.cells, self.before, self.behind, strict=True)]
-        x = x[:, : int(np.prod(padded))].reshape(-1, *padded)
+        x = x[:, : int(np.prod(padded))].reshape(x.shape[0], *padded)
         x = x[(slice(None), *(slice(b, b + n) for n, b in zip(self.cells, self.before, strict=True)))]
-        x = x.reshape(x.shape[0], -1).T
+        x = x.reshape(x.shape[0], math.prod(self.cells)).T
         return x if self.sites is None else x[self.sites]
 
     def renew(self, x: Array) -> Array:
@@ -235,7 +231,7 @@ class GridWalk(eqx.Module):
 
     def numbers(self, pairs: bool) -> np.ndarray:
         """Of every offset, or of one of each pair of opposite ones; as for `SlotWalk`."""
-        return _grouped_numbers(len(self.shifts) // 2 if pairs else len(self.shifts), self.flat > 4096)
+        return _steps(len(self.shifts) // 2, False) if pairs else _steps(len(self.shifts), self.flat > 4096)
 
     def slot(self, number: Array, c) -> Slot:
         return Slot(
