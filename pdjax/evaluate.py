@@ -1,7 +1,7 @@
 """The force density of a body by the cheapest way that can: one result, three ways.
 
     families     padded neighbour arrays of any cloud; streamed slot by slot where the model is made of moments, so that
-                 memory is points and not points × bonds
+                 memory is points and not points × bonds; all bonds at once in small bodies, which compile sooner so
     slices       a lattice without index arrays: the neighbours of all points are one slice
     fft          a lattice by convolutions, where moments and bond force are polynomials of degree 1 or 2 in the
     displacement: the
@@ -28,6 +28,9 @@ from .ways.stream import reference_sums, streamed_force
 from .ways.walks import GridWalk, SlotWalk
 
 WAYS = ("auto", "families", "slices", "fft")
+SMALL = (
+    10_000  # bonds below which all are taken at once: a third of the time to compile, and under a millisecond to run
+)
 MANY = 100  # offsets from which transforms of degree 1 beat slices (3D, N = 3 has 122; measured in `pdjax bench ways`)
 
 
@@ -70,6 +73,8 @@ def _choose(model: AbstractModel, fams: Families, way: str, mean: bool) -> str:
         return way
     if not able:
         raise ValueError(f"{type(model).__name__} needs families with arrays; these were made with arrays=False")
+    if fams.xi is not None and math.prod(fams.xi.shape[:2]) < SMALL:
+        return "families"
     if "fft" in able and model.degree == 1 and fams.grid is not None and len(fams.grid.offsets) >= MANY:
         return "fft"
     return "slices" if "slices" in able else "families"
@@ -107,6 +112,8 @@ def _walked(model: PointStateModel, fams: Families, way: str, symmetric: bool) -
 
 def _plan(model: AbstractModel, fams: Families, way: str) -> Any:
     if not (isinstance(model, PointStateModel) and model.by_moments):
+        return None
+    if way == "families" and math.prod(fams.xi.shape[:2]) < SMALL:
         return None
     if way == "fft":
         return Convolution.of(model, fams, model.degree)

@@ -21,6 +21,19 @@ FLAT = ("seth_hill m=0", "wan control")  # in 3D each compile costs seconds; oth
 CHECKED = [(n, d) for n in BY_MOMENTS for d in table.MODELS[n].dims if d < 3 or n not in FLAT]
 
 
+@pytest.fixture(autouse=True)
+def no_body_is_small(monkeypatch):
+    """Else these bodies would go all bonds at once, as the reference does."""
+    monkeypatch.setattr("pdjax.evaluate.SMALL", 0)
+
+
+def test_small_bodies_go_all_at_once(monkeypatch):
+    monkeypatch.setattr("pdjax.evaluate.SMALL", 10_000)
+    fams = pd.families(pd.lattice((7, 5), 0.5), 1.01)
+    operator = pd.force_operator(table.MODELS["lps"], fams)
+    assert (operator.way, operator.plan) == ("families", None)
+
+
 def relative(a, b):
     return float(jnp.max(jnp.abs(a - b)) / jnp.max(jnp.abs(b)))
 
