@@ -11,6 +11,7 @@ What depends on the reference configuration alone (shape tensors, transforms of 
 `force_operator`.
 """
 
+import math
 from typing import Any
 
 import equinox as eqx
