@@ -190,7 +190,8 @@ class _Rings(NamedTuple):
         points, (a, b) = len(on_points), on_points.shape[1:]
         blocks = np.empty((len(self.column), a, b))
         blocks[self.own], blocks[self.place] = on_points, on_bonds[self.true]
-        return sp.bsr_array((blocks, self.column, self.start), shape=(points * a, points * b))
+        # a copy: SciPy sorts the indices of 1 × 1 blocks in place
+        return sp.bsr_array((blocks, self.column.copy(), self.start), shape=(points * a, points * b))
 
 
 def _product(P: sp.bsr_array, S: sp.bsr_array) -> sp.bsr_array:
