@@ -152,7 +152,8 @@ def test_critical_load_is_where_the_dense_eigenvalue_crosses(make):
     assert abs(found.factor / exact - 1) < 1e-6  # measured 5e-9
     assert largest(0.5 * found.factor) < 0
     assert found.proved and found.factorisations <= 8
-    assert all((count > 0) == (factor > exact) for factor, count in found.positive)
+    # nearer than 1e-9 (measured: 2.5e-11, an eigenvalue of 8e-15 of the largest) the sign is rounding's
+    assert all((count > 0) == (factor > exact) for factor, count in found.positive if abs(factor / exact - 1) > 1e-9)
     mode, top = found.mode, pd.body_stability(scene, factor=found.factor).mode
     assert min(worst(mode, top), worst(mode, -top)) < 1e-8  # measured 6e-12
 
