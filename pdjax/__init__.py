@@ -19,6 +19,7 @@ from .criteria import CRITERIA, Stability, stability
 from .criteria.body import BodyStability, body_inertia, body_spectrum, body_stability
 from .criteria.body_critical import BodyCritical, body_critical_load
 from .criteria.critical import critical_load, load_slope, stable_orders
+from .devices import SlabForce, sharded_vmap, slab_force
 from .dynamics import (
     Energies,
     Failure,
@@ -131,6 +132,7 @@ __all__ = [
     "Scene",
     "SethHill",
     "SillingControl",
+    "SlabForce",
     "SmoothRamp",
     "Stability",
     "StabilityMap",
@@ -198,9 +200,11 @@ __all__ = [
     "scenes",
     "shape_tensor_K",
     "shape_tensor_L",
+    "sharded_vmap",
     "simple_shear",
     "simulate",
     "simulate_diffrax",
+    "slab_force",
     "solve",
     "stability",
     "stability_map",
