@@ -65,15 +65,19 @@ from .ways.stream import reference_sums, streamed_force
 from .ways.walks import GridWalk
 
 
-def first_axis(mesh: Mesh) -> tuple[str, int]:
-    """Name of the mesh's first axis, and how many devices lie along it."""
+def device_mesh(mesh: Mesh) -> tuple[Mesh, str, int]:
+    """The mesh, its first axis' name and how many devices lie along it.
+
+    Axes are made automatic: those of `jax.make_mesh` are explicit, and every derivative outside of `jit` would then
+    need the mesh as a context.
+    """
     if not isinstance(mesh, Mesh) or not mesh.axis_names:
         raise ValueError(
             "mesh must be a jax.sharding.Mesh with an axis, such as Mesh(jax.devices(), ('slabs',));"
             f" got {type(mesh).__name__}"
         )
     name = mesh.axis_names[0]
-    return name, mesh.shape[name]
+    return Mesh(mesh.devices, mesh.axis_names), name, mesh.shape[name]
 
 
 def sharded_vmap(function: Callable, mesh: Mesh) -> Callable:
@@ -85,9 +89,8 @@ def sharded_vmap(function: Callable, mesh: Mesh) -> Callable:
     Raises: ValueError for what is no mesh, or batches of different lengths.
     Example: `pd.sharded_vmap(lambda m: pd.critical_load(pd.SethHill(m, law), fam), mesh)(orders)`.
     """
-    name, devices = first_axis(mesh)
-    spec, whole = PartitionSpec(name), NamedSharding(mesh, PartitionSpec())
-    each = jax.shard_map(jax.vmap(function), mesh=mesh, in_specs=spec, out_specs=spec, check_vma=False)
+    mesh, name, devices = device_mesh(mesh)
+    cut, whole = (NamedSharding(mesh, PartitionSpec(*axes)) for axes in ((name,), ()))
 
     @jax.jit
     def mapped(*batches):
@@ -96,8 +99,8 @@ def sharded_vmap(function: Callable, mesh: Mesh) -> Callable:
             raise ValueError(f"all batches must have one length >= 1; got {sorted(lengths)}")
         (count,) = lengths.pop()
         index = np.minimum(np.arange(-(-count // devices) * devices), count - 1)
-        full = jax.tree.map(lambda x: jnp.asarray(x)[index], batches) if len(index) > count else batches
-        return jax.tree.map(lambda x: jax.device_put(x, whole)[:count], each(*full))
+        full = jax.tree.map(lambda x: jax.device_put(jnp.asarray(x)[index], cut), batches)
+        return jax.tree.map(lambda x: jax.device_put(x, whole)[:count], jax.vmap(function)(*full))
 
     return mapped
 
@@ -127,9 +130,18 @@ class SlabForce(eqx.Module):
     wraps: bool = eqx.field(static=True)
 
     @property
+    def name(self) -> str:
+        """Of the mesh's axis."""
+        return self.mesh.axis_names[0]
+
+    @property
+    def devices(self) -> int:
+        return self.mesh.shape[self.name]
+
+    @property
     def sharding(self) -> NamedSharding:
         """How fields over the points (points, …) lie over the devices."""
-        return NamedSharding(self.mesh, PartitionSpec(self.mesh.axis_names[0]))
+        return NamedSharding(self.mesh, PartitionSpec(self.name))
 
     def __call__(self, u) -> Float[Array, "points dim"]:
         """f (points, dim) [force/length^dim] of u (points, dim) [length], sharded as `sharding` says, or not.
@@ -137,8 +149,7 @@ class SlabForce(eqx.Module):
         Raises: ValueError for a wrong shape or NaN.
         """
         u = as_real(u)
-        _, devices = first_axis(self.mesh)
-        wanted = (devices * self.planes * int(np.prod(self.walk.cells[1:])), self.walk.xi.shape[1])
+        wanted = (self.devices * self.planes * int(np.prod(self.walk.cells[1:])), self.walk.xi.shape[1])
         if u.shape != wanted:
             raise ValueError(f"u must have shape (points, dim) = {wanted}; got {u.shape}")
         u = jax.device_put(u, self.sharding)
@@ -150,7 +161,7 @@ class SlabForce(eqx.Module):
 
     def with_halo(self, x: Array) -> Array:
         """(points of the slab, …) → the same with H planes more on either side; edge values beyond the body's ends."""
-        name, devices = first_axis(self.mesh)
+        name, devices = self.name, self.devices
         own = x.reshape(self.planes, -1, *x.shape[1:])
         here, h = jax.lax.axis_index(name), self.halo
         up = [(s, (s + 1) % devices) for s in range(devices if self.wraps else devices - 1)]
@@ -170,9 +181,8 @@ class SlabForce(eqx.Module):
         """The walk of this device's slab: not filled beyond the ends of the body."""
         if self.wraps:
             return self.walk
-        name, devices = first_axis(self.mesh)
-        plane = np.arange(-self.halo, self.planes + self.halo) + jax.lax.axis_index(name) * self.planes
-        inside = (plane >= 0) & (plane < devices * self.planes)
+        plane = np.arange(-self.halo, self.planes + self.halo) + jax.lax.axis_index(self.name) * self.planes
+        inside = (plane >= 0) & (plane < self.devices * self.planes)
         inside = jnp.repeat(inside.astype(self.walk.filled.dtype), int(np.prod(self.walk.cells[1:])))
         return eqx.tree_at(lambda w: w.filled, self.walk, self.walk.embed(inside[:, None])[0])
 
@@ -181,7 +191,7 @@ def _on_slabs(function: Callable, operator: SlabForce, data: tuple, specs: tuple
     """function(operator, *data) on every device: `specs` say how data lie; of the operator, states and constants of
     the points lie slab after slab and everything else is everywhere."""
     arrays, rest = eqx.partition(operator, eqx.is_array)
-    own = PartitionSpec(first_axis(operator.mesh)[0])
+    own = PartitionSpec(operator.name)
     along = jax.tree.map(lambda _: PartitionSpec(), arrays)
     reference = None if arrays.reference is None else PartitionSpec(None, *own)
     lie = (jax.tree.map(lambda _: own, arrays.varying), reference)
@@ -264,7 +274,7 @@ def slab_force(model: AbstractModel, fams: Families, mesh: Mesh) -> SlabForce:
     """
     check_model(model, fams)
     _refuse(model, fams)
-    _, devices = first_axis(mesh)
+    mesh, _, devices = device_mesh(mesh)
     grid: Any = fams.grid
     reach = int(np.abs(np.array(grid.offsets).reshape(-1, fams.dim))[:, 0].max(initial=0))
     halo = model.rings * max(reach, 1)

@@ -15,11 +15,13 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.sharding import Mesh
 from jaxtyping import Float
 
 from ._checks import choice, finite, writable, written_whole
 from ._progress import progress
 from .criteria import CRITERIA, check_at_rest, evaluate, family_zone, margin_tolerance, verdicts
+from .devices import device_mesh, sharded_vmap
 from .influence import constant_influence
 from .laws import Law, law_label
 from .models.base import AbstractModel
@@ -96,7 +98,7 @@ class _SethHillOf(eqx.Module):
 
 
 @eqx.filter_jit
-def _chunk(m, a, fam, make, path: Path, names: tuple[str, ...], intervals: int | None):
+def _chunk(m, a, fam, make, path: Path, names: tuple[str, ...], intervals: int | None, mesh: Mesh | None):
     """(margin, eigenvalue, tolerance) of every named criterion, for pairs (m, a)."""
     zone = family_zone(fam, path_symmetry(path, fam, make(m[0]).isotropic), intervals)
 
@@ -106,7 +108,7 @@ def _chunk(m, a, fam, make, path: Path, names: tuple[str, ...], intervals: int |
         outs = [evaluate(name, model, fam, F, zone, fastest=True) for name in names]
         return [(o.margin, o.eigenvalue, jnp.asarray(margin_tolerance(m.dtype, o.scale), m.dtype)) for o in outs]
 
-    return jax.vmap(one)(m, a)
+    return (jax.vmap(one) if mesh is None else sharded_vmap(one, mesh))(m, a)
 
 
 def _check_loads(a: np.ndarray, model: AbstractModel, fam, path: Path) -> None:
@@ -144,13 +146,15 @@ def stability_map(
     resolution: int | None = None,
     save: str | os.PathLike | None = None,
     show_progress: bool = True,
+    mesh: Mesh | None = None,
 ) -> StabilityMap:
     """Margins over orders m and loads a along a path, on infinite lattices: of the Seth–Hill model, or of any model.
 
     Arguments: m (orders,), a (loads,) [-]; N horizon(s) over spacing [-]; law in E of the Seth–Hill model, or `model`,
         a function m → model of one parameter, called m whatever it is (strength, modulus, order); `lines`: further
         criteria to evaluate on the same grid, thinned to 64 along an axis; resolution as in `stability`; save: an .npz
-        path, checked before and kept up to date during a long run (states not reached yet are NaN, "undefined").
+        path, checked before and kept up to date during a long run (states not reached yet are NaN, "undefined");
+        mesh: a `jax.sharding.Mesh`, to share every chunk of states between the devices of its first axis.
     Returns: `StabilityMap`: .margin and .eigenvalue (orders, loads), with a leading axis if N is a sequence.
     Raises: ValueError for NaN, empty m or a, det F ≤ 0, a singular family, a map too large for memory;
         OSError for a path that can't be written.
@@ -168,6 +172,7 @@ def stability_map(
     names = tuple(choice("criterion", c, list(CRITERIA)) for c in (criterion, *lines))
     shape = (len(horizons), len(orders), len(loads))
     _check_memory(shape, len(names))
+    devices = 1 if mesh is None else device_mesh(mesh)[2]
     target = None if save is None else writable(save)
 
     fams = [lattice_family(dim, float(n), influence=influence) for n in horizons]
@@ -204,12 +209,12 @@ def stability_map(
     jobs = []
     for n, (fam, zone) in enumerate(zip(fams, zones, strict=True)):
         wide = 8 * len(zone.grid) * dim * (dim + 4)
-        jobs += _jobs(fam, names[:1], orders, loads, wide, results[:, n].reshape(3, 1, -1))
+        jobs += _jobs(fam, names[:1], orders, loads, wide, devices, results[:, n].reshape(3, 1, -1))
         if lines:
-            jobs += _jobs(fam, names[1:], thin_m, thin_a, wide, extra[:, n].reshape(1, len(lines), -1))
+            jobs += _jobs(fam, names[1:], thin_m, thin_a, wide, devices, extra[:, n].reshape(1, len(lines), -1))
     saved = time.monotonic()
     for job in progress(jobs, len(jobs), f"{criterion} map", show_progress):
-        _do(job, make, path, resolution)
+        _do(job, make, path, resolution, mesh)
         if target is not None and time.monotonic() - saved > _SAVE_EVERY:
             result().save(target)
             saved = time.monotonic()
@@ -219,10 +224,10 @@ def stability_map(
     return final
 
 
-def _jobs(fam, names: tuple[str, ...], orders, loads, wide: float, out: np.ndarray) -> list:
+def _jobs(fam, names: tuple[str, ...], orders, loads, wide: float, devices: int, out: np.ndarray) -> list:
     """The grid of one family in chunks of equal size: (family, criteria, m, a, where the results go)."""
     M, A = (x.reshape(-1) for x in np.meshgrid(orders, loads, indexing="ij"))
-    size = min(int(np.clip(_CHUNK_BYTES // wide, 16, 4096)), len(M))
+    size = min(int(np.clip(_CHUNK_BYTES // wide, 16, 4096)) * devices, len(M))
     jobs = []
     for start in range(0, len(M), size):
         index = np.minimum(np.arange(start, start + size), len(M) - 1)  # the last chunk repeats its last state
@@ -230,11 +235,11 @@ def _jobs(fam, names: tuple[str, ...], orders, loads, wide: float, out: np.ndarr
     return jobs
 
 
-def _do(job: tuple, make: Callable, path: Path, resolution: int | None) -> None:
+def _do(job: tuple, make: Callable, path: Path, resolution: int | None, mesh: Mesh | None) -> None:
     """Evaluate one chunk and put its results where they go."""
     fam, names, m, a, index, out = job
     real = fam.xi.dtype
-    values = _chunk(jnp.asarray(m, real), jnp.asarray(a, real), fam, make, path, names, resolution)
+    values = _chunk(jnp.asarray(m, real), jnp.asarray(a, real), fam, make, path, names, resolution, mesh)
     for c, kinds in enumerate(values):
         for kind in range(len(out)):
             out[kind, c, index] = np.asarray(kinds[kind])
