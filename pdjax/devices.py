@@ -92,6 +92,8 @@ def sharded_vmap(function: Callable, mesh: Mesh) -> Callable:
     mesh, name, devices = device_mesh(mesh)
     cut, whole = (NamedSharding(mesh, PartitionSpec(*axes)) for axes in ((name,), ()))
 
+    constrain = jax.lax.with_sharding_constraint  # in a traced function `jax.device_put` moves nothing
+
     @jax.jit
     def mapped(*batches):
         lengths = {jnp.shape(x)[:1] for x in jax.tree.leaves(batches)}
@@ -99,8 +101,8 @@ def sharded_vmap(function: Callable, mesh: Mesh) -> Callable:
             raise ValueError(f"all batches must have one length >= 1; got {sorted(lengths)}")
         (count,) = lengths.pop()
         index = np.minimum(np.arange(-(-count // devices) * devices), count - 1)
-        full = jax.tree.map(lambda x: jax.device_put(jnp.asarray(x)[index], cut), batches)
-        return jax.tree.map(lambda x: jax.device_put(x, whole)[:count], jax.vmap(function)(*full))
+        full = jax.tree.map(lambda x: constrain(jnp.asarray(x)[index], cut), batches)
+        return jax.tree.map(lambda x: constrain(x, whole)[:count], jax.vmap(function)(*full))
 
     return mapped
 
