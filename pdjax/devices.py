@@ -36,7 +36,7 @@ once, by the slab that owns the point, and exchanged in the same way.
     K = lambda u, v: -jax.jvp(f, (u,), (v,))[1]            # a stiffness that is never stored
     step, _ = jax.scipy.sparse.linalg.cg(lambda v: K(u, v), f(u) + b)
 
-**Several processes**, each with devices of its own, run the same script:
+**Several processes**, each with devices of its own, run the same script, which starts with (before any array or model)
 
     jax.config.update("jax_cpu_collectives_implementation", "gloo")      # for CPUs only
     jax.distributed.initialize("host0:1234", num_processes=2, process_id=rank)

@@ -15,8 +15,12 @@ import numpy as np
 import pdjax as pd
 from pdjax.force import whole_force
 
-LAW = pd.LinearElastic(1.3, 0.9)
 COLLECTIVES = ("collective-permute", "all-gather", "all-reduce", "all-to-all")
+
+
+def law():
+    """Not a constant of the module: it is an array, and `jax.distributed.initialize` must come before the first."""
+    return pd.LinearElastic(1.3, 0.9)
 
 
 def relative(a, b):
@@ -46,9 +50,9 @@ def forces(mesh):
     order = np.repeat(np.linspace(-1, 1, 16), 5)  # from plane to plane
     cases = {
         "springs": (pd.BondBased(1.0), False),
-        "seth_hill": (pd.SethHill(0.0, LAW), False),
-        "periodic": (pd.Correspondence(LAW), (True, False)),
-        "graded": (pd.graded(pd.SethHill(order, LAW), 2 + order), False),
+        "seth_hill": (pd.SethHill(0.0, law()), False),
+        "periodic": (pd.Correspondence(law()), (True, False)),
+        "graded": (pd.graded(pd.SethHill(order, law()), 2 + order), False),
     }
     out = {}
     for name, (model, periodic) in cases.items():
@@ -116,7 +120,7 @@ def statics(f, model, fams, body):
 
 
 def sweeps(mesh):
-    grid = dict(m=np.linspace(-2, 2, 5), a=np.linspace(-0.3, 0.3, 3), N=2, law=LAW, criterion="block")
+    grid = dict(m=np.linspace(-2, 2, 5), a=np.linspace(-0.3, 0.3, 3), N=2, law=law(), criterion="block")
     one, many = (pd.stability_map(**grid, show_progress=False, mesh=m) for m in (None, mesh))
     eigenvalues = pd.sharded_vmap(lambda x: jnp.linalg.eigvalsh(x + x.T), mesh)
     batch = jnp.asarray(np.random.default_rng(3).normal(size=(7, 3, 3)))  # 7 states on 4 devices: 2 each
@@ -130,7 +134,7 @@ def sweeps(mesh):
 
 def one_process():
     mesh = jax.sharding.Mesh(jax.devices(), ("slabs",))
-    model = pd.Correspondence(LAW)
+    model = pd.Correspondence(law())
     body, fams, u = plate()
     f = pd.slab_force(model, fams, mesh)
     drift, stays = dynamics(f, model, fams, u)
@@ -154,7 +158,7 @@ def one_of_two(rank, port):
     jax.config.update("jax_cpu_collectives_implementation", "gloo")
     jax.distributed.initialize(f"localhost:{port}", num_processes=2, process_id=rank)
     mesh = jax.sharding.Mesh(jax.devices(), ("slabs",))
-    model = pd.Correspondence(LAW)
+    model = pd.Correspondence(law())
     _, fams, u = plate()
     f = pd.slab_force(model, fams, mesh)
     u_slabs = jax.device_put(u, f.sharding)
