@@ -3,9 +3,9 @@
 **Batches.** States do not know of each other: every device takes an equal share (`sharded_vmap`, and the maps by
 `stability_map(..., mesh=mesh)`).
 
-**Slabs.** A full lattice of n planes along its first axis is cut into D slabs of P = n / D planes; device s holds planes
-s P … (s + 1) P − 1 of everything that the points carry. A bond reaches R = ⌊N⌋ planes and the force on a point `rings`
-bonds far (1: springs; 2: the state A of a neighbour is a sum over the neighbour's own family), so
+**Slabs.** A full lattice of n planes along its first axis is cut into D slabs of P = n / D planes; device s holds
+planes s P … (s + 1) P − 1 of everything that the points carry. A bond reaches R = ⌊N⌋ planes and the force on a point
+`rings` bonds far (1: springs; 2: the state A of a neighbour is a sum over the neighbour's own family), so
 
     f_p = f(u_q : |q − p| ≤ H),    H = rings · R
 
