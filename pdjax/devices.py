@@ -183,7 +183,7 @@ class SlabForce(eqx.Module):
         """The walk of this device's slab: not filled beyond the ends of the body."""
         if self.wraps:
             return self.walk
-        plane = np.arange(-self.halo, self.planes + self.halo) + jax.lax.axis_index(self.name) * self.planes
+        plane = jnp.arange(-self.halo, self.planes + self.halo) + jax.lax.axis_index(self.name) * self.planes
         inside = (plane >= 0) & (plane < self.devices * self.planes)
         inside = jnp.repeat(inside.astype(self.walk.filled.dtype), int(np.prod(self.walk.cells[1:])))
         return eqx.tree_at(lambda w: w.filled, self.walk, self.walk.embed(inside[:, None])[0])
