@@ -139,7 +139,7 @@ def point_field(u, fams: Families, name: str = "u") -> Array:
         bad = np.flatnonzero(~np.isfinite(np.asarray(u)).all(axis=1))
         if bad.size:
             raise ValueError(f"{name} must be finite; {bad.size} points are not, the first is point {bad[0]}")
-    return u if jnp.issubdtype(u.dtype, jnp.inexact) else u.astype(fams.xi.dtype)
+    return u if jnp.issubdtype(u.dtype, jnp.inexact) else u.astype(fams.dtype)
 
 
 def body_bonds(model: AbstractModel, fams: Families, u, F=None) -> Bonds:

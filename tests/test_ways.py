@@ -78,6 +78,16 @@ def test_ways_in_blocks(monkeypatch):
         assert relative(pd.force_density(model, fams, u, way=way), expected) < 1e-13  # measured: 3e-15
 
 
+@pytest.mark.parametrize("name", ["seth_hill m=0", "bond_based", "lps"])
+def test_a_body_that_moves_as_a_whole_is_free_of_force(name):
+    """By one spacing: an empty cell, whose displacement is 0, then lies where the point is."""
+    body = pd.lattice((7, 5), 0.5)
+    lean = pd.families(body, 1.01, arrays=False)
+    for step in (0.5, 1, 50.0):  # one an integer
+        f = pd.force_density(table.MODELS[name], lean, jnp.full((35, 2), step) * jnp.asarray([1, 0]), way="slices")
+        assert float(jnp.max(jnp.abs(f))) < 1e-12  # measured: 0
+
+
 def test_constants_may_vary_from_point_to_point():
     body = pd.lattice((7, 5), 0.5)
     fams = pd.families(body, 1.01)

@@ -75,11 +75,16 @@ def _bond(
     xi, eta = np.empty(dim, dtype=object), np.empty(dim, dtype=object)
     for k in range(dim):
         xi[k] = slot.xi[k]
+    far = walk.far(volumes, c, slot)
+    # where there is no point u is 0, and a bond to it may collapse: 0 · ∞ is no force
+    real = None if walk.filled is None else (far > 0) & (walk.here(walk.filled, c) > 0)
     for k in range(dim):
         eta[k] = walk.far(u[k], c, slot) - here[k]
+        if real is not None:
+            eta[k] = jnp.where(real, eta[k], 0.0)
         if gradient is not None:
             eta[k] = eta[k] + sum(gradient[k, l] * xi[l] for l in range(dim))
-    return Bonds(xi, eta, _one(slot.omega), _one(walk.far(volumes, c, slot)), _one(horizon))
+    return Bonds(xi, eta, _one(slot.omega), _one(far), _one(horizon))
 
 
 def _one(x: Any) -> np.ndarray:
