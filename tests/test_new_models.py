@@ -18,6 +18,7 @@ from table import LINEAR, MODELS, NEO_HOOKEAN
 
 import pdjax as pd
 from pdjax.force import check_model, each_point
+from pdjax.models.base import Sums
 from pdjax.models.control import SillingControl, WanControl
 from pdjax.models.with_law import moduli_at_rest
 
@@ -138,9 +139,11 @@ def equal_g(dim, N):
     """The g at which Silling's control is Wan's on a lattice family with ω = 1."""
     bonds = pd.lattice_family(dim, N).bonds(jnp.eye(dim))
     moduli = moduli_at_rest(LINEAR, dim, float)
-    C1 = WanControl().state(bonds, moduli)[1]
+    K = pd.shape_tensor_K(bonds)
+    sums = Sums(K, jnp.zeros_like(K), bonds.horizon, len(K))
+    C1 = WanControl().state(sums, moduli)[1]
     assert worst(C1, C1[0, 0] * np.eye(dim)) / C1[0, 0] < 1e-14  # 0
-    return float(C1[0, 0] / SillingControl(1.0).state(bonds, moduli)[1])
+    return float(C1[0, 0] / SillingControl(1.0).state(sums, moduli)[1])
 
 
 @pytest.mark.parametrize(
