@@ -10,7 +10,7 @@ TEXT = (ROOT / "README.md").read_text()
 def test_python_blocks_run(capsys, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)  # a checkpoint is written
     blocks = re.findall(r"```python\n(.*?)```", TEXT, flags=re.S)
-    assert len(blocks) == 4
+    assert len(blocks) == 5
     scope: dict = {}
     for block in blocks:
         exec(compile(block, "README.md", "exec"), scope)
@@ -21,6 +21,7 @@ def test_python_blocks_run(capsys, tmp_path, monkeypatch):
     assert "\nTrue saddle\n" in said
     assert "\n0.121" in said and "[[0.1214" in said  # the growth measured and the symbol's
     assert "ran to its end" in said
+    assert "\n(441, 3)\n" in said  # the body with a hole, by FFT
 
 
 def test_paths_and_links_exist():
