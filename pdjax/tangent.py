@@ -13,8 +13,6 @@ V J = −Zᵀ (V H) Z, since its states are linear in η.
 V J is symmetric for hyperelastic models; J itself only for equal volumes.
 """
 
-import os
-from concurrent.futures import ThreadPoolExecutor
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -125,8 +123,7 @@ def jacobian(model: AbstractModel, fams: Families, u, form: str = "sparse", F=No
 
     Rows and columns run over points, then components. `form` "dense": a JAX array by `jax.jacfwd` (differentiable;
     memory grows with points²); "sparse": a scipy.sparse `csr_array` assembled from structure (`.tobsr((dim, dim))`
-    for blocks); "coloured": the same matrix probed by JVPs along colours, for a check or a model of your own whose
-    families are too large for the structure. Arguments and errors otherwise as `force_density`.
+    for blocks). Arguments and errors otherwise as `force_density`.
     """
     choice("form", form, ("sparse", "dense", "coloured"))
     if form == "coloured":
@@ -163,88 +160,8 @@ def _block_csr(rows, cols, blocks, shape) -> sp.csr_array:
     return sp.coo_array((blocks.reshape(-1), (r, c)), shape=(shape[0] * a, shape[1] * b)).tocsr()
 
 
-class _Rings(NamedTuple):
-    """The pattern of one ring of neighbours, point by point: the point itself, then its true neighbours."""
-
-    true: np.ndarray  # (points, bonds)
-    start: np.ndarray  # (points + 1,) first block of every row
-    column: np.ndarray  # (blocks,) the points
-    own: np.ndarray  # (points,) block of the point itself
-    place: np.ndarray  # (true bonds,) block of every bond
-
-    @staticmethod
-    def of(fams: Families) -> "_Rings":
-        true = np.asarray(fams.weight) > 0
-        count = true.sum(axis=1)
-        start = np.concatenate([[0], np.cumsum(count + 1)])
-        i, slot = np.nonzero(true)
-        order = np.cumsum(true, axis=1)[i, slot]
-        column = np.empty(start[-1], dtype=np.int32)
-        place = start[i] + order
-        column[start[:-1]] = np.arange(len(true))
-        column[place] = np.asarray(fams.neighbours)[i, slot]
-        return _Rings(true, start.astype(np.int32), column, start[:-1], place)
-
-    def matrix(self, on_bonds: np.ndarray, on_points: np.ndarray) -> sp.bsr_array:
-        """Blocks (points, bonds, a, b) at the neighbours and (points, a, b) at the points themselves."""
-        points, (a, b) = len(on_points), on_points.shape[1:]
-        blocks = np.empty((len(self.column), a, b))
-        blocks[self.own], blocks[self.place] = on_points, on_bonds[self.true]
-        # a copy: SciPy sorts the indices of 1 × 1 blocks in place
-        return sp.bsr_array((blocks, self.column.copy(), self.start), shape=(points * a, points * b))
-
-
-def _product(P: sp.bsr_array, S: sp.bsr_array) -> sp.bsr_array:
-    """P S with sorted blocks, some rows in every thread: SciPy lets go of the interpreter while it multiplies."""
-    rows, height, threads = len(P.indptr) - 1, P.blocksize[0], os.cpu_count() or 1
-    cuts = [*np.searchsorted(P.indptr, P.indptr[-1] * np.arange(threads) / threads).tolist(), rows]
-
-    def part(first: int, last: int) -> sp.bsr_array:
-        a, b = P.indptr[first], P.indptr[last]
-        data = (P.data[a:b], P.indices[a:b], P.indptr[first : last + 1] - a)
-        out = sp.bsr_array(data, shape=((last - first) * height, P.shape[1])) @ S
-        out.sort_indices()
-        return out
-
-    with ThreadPoolExecutor(threads) as pool:
-        parts = list(pool.map(part, cuts[:-1], cuts[1:]))
-    starts = np.cumsum([0, *(len(p.indices) for p in parts)])
-    indptr = np.concatenate([[0], *(p.indptr[1:] + s for p, s in zip(parts, starts, strict=False))])
-    data, indices = (np.concatenate([getattr(p, name) for p in parts]) for name in ("data", "indices"))
-    return sp.bsr_array((data, indices, indptr.astype(P.indptr.dtype)), shape=(P.shape[0], S.shape[1]))
-
-
-@eqx.filter_jit
-def _ring_blocks(model: PointStateModel, fams: Families, bonds: Bonds) -> tuple[Array, ...]:
-    """What J = D + P S is made of, as blocks on bonds and on points: D, the direct part; S = δA/δu; P, the pull of
-    states.
-
-    D_ij = V_j (B_ij + B_ji),   S_ij = R_ij,   P_ij = V_j (G'_ij − G_ji),   P_ii = Σ_j V_j (G_ij − G'_ji)
-    and D_ii = −Σ_j D_ij, S_ii = −Σ_j S_ij; G' is the derivative by the state of the far end.
-    """
-    B, G, R, there = _point_tangents(model, fams, bonds)
-    back = (fams.neighbours, fams.reverse)
-    V, real = bonds.volume[..., None, None], (fams.weight > 0)[..., None, None]
-    D = jnp.where(real, V * (B + B[back]), 0.0)
-    S = jnp.where(real, jnp.moveaxis(R, 2, 1), 0.0)
-    P = -V * G[back]
-    P_own = V * G
-    if model.needs_other_end:
-        P, P_own = P + V * there, P_own - V * there[back]
-    P_own = jnp.sum(jnp.where(real, P_own, 0.0), axis=1)
-    return D, -jnp.sum(D, axis=1), P, P_own, S, -jnp.sum(S, axis=1)
-
-
 def _sparse(model: AbstractModel, fams: Families, bonds: Bonds) -> sp.csr_array:
     points, dim = len(fams), fams.dim
-    if isinstance(model, PointStateModel):
-        D, D_own, P, P_own, S, S_own = (np.asarray(x, dtype=float) for x in _ring_blocks(model, fams, bonds))
-        rings = _Rings.of(fams)
-        J = rings.matrix(D, D_own)
-        J.sort_indices()
-        if S.shape[2]:
-            J = J + _product(rings.matrix(P, P_own), rings.matrix(S, S_own))
-        return J.tocsr()  # sorted, as both terms were
     tangents = _point_tangents(model, fams, bonds)
     true = np.asarray(fams.weight) > 0
     i, slot = np.nonzero(true)
@@ -258,11 +175,20 @@ def _sparse(model: AbstractModel, fams: Families, bonds: Bonds) -> sp.csr_array:
     divergence = _block_csr(i, bond, ones * V[j][:, None, None], (points, count)) - _block_csr(
         j, bond, ones * V[i][:, None, None], (points, count)
     )
-    number = np.full(true.shape, -1)
-    number[i, slot] = bond
-    p, b, c = np.nonzero(true[:, :, None] & true[:, None, :])
-    blocks = np.asarray(tangents).transpose(0, 1, 3, 2, 4)[p, b, c]
-    J = divergence @ (_block_csr(number[p, b], number[p, c], blocks, (count, count)) @ difference)
+    if isinstance(model, PointStateModel):
+        B, G, R, there = (np.asarray(x) for x in tangents)
+        state = _block_csr(i, bond, R.transpose(0, 2, 1, 3)[i, slot], (points, count)) @ difference
+        # (Div G) (R Δ), never Div (G R Δ): the product over bonds holds a family's square of entries
+        pull = divergence @ _block_csr(bond, i, G[i, slot], (count, points))
+        if model.needs_other_end:
+            pull = pull + divergence @ _block_csr(bond, j, there[i, slot], (count, points))
+        J = divergence @ (_block_csr(bond, bond, B[i, slot], (count, count)) @ difference) + pull @ state
+    else:
+        number = np.full(true.shape, -1)
+        number[i, slot] = bond
+        p, b, c = np.nonzero(true[:, :, None] & true[:, None, :])
+        blocks = np.asarray(tangents).transpose(0, 1, 3, 2, 4)[p, b, c]
+        J = divergence @ (_block_csr(number[p, b], number[p, c], blocks, (count, count)) @ difference)
     J = J.tocsr()
     J.sort_indices()
     return J
