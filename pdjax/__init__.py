@@ -41,6 +41,7 @@ from .dynamics import (
     verlet_rate,
 )
 from .evaluate import ForceOperator, force_density, force_operator
+from .family_search import families
 from .force import force_state, piola_stress, strain, strain_energy, stress
 from .influence import (
     constant_influence,
@@ -76,7 +77,7 @@ from .models import (
     linearised,
     plane_bulk_modulus,
 )
-from .neighbours import Bonds, Families, Family, families, lattice_family
+from .neighbours import Bonds, Families, Family, lattice_family
 from .paths import PATHS, hydrostatic, simple_shear, uniaxial_strain, uniaxial_stress
 from .points import Points, bar, cloud, cuboid, lattice, plate
 from .problem import Scene, scene

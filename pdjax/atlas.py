@@ -31,11 +31,12 @@ from ._progress import progress
 from .bloch import homogeneous_tangent, p_wave_modulus, wave_phases
 from .criteria import check_at_rest, evaluate, family_zone, margin_tolerance
 from .evaluate import force_operator
+from .family_search import families
 from .laws import LinearElastic, law_label
 from .models.base import AbstractModel
 from .models.catalogue import CATALOGUE
 from .models.correspondence import Correspondence
-from .neighbours import Family, families, lattice_family
+from .neighbours import Family, lattice_family
 from .paths import PATHS
 from .points import lattice
 from .zone import Zone, largest_eigenvalue, nudge, refine, top_pair

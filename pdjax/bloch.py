@@ -36,9 +36,9 @@ from jaxtyping import Array, Float
 
 from ._checks import deformation_gradient, require
 from .force import affine_stress, check_model
+from .linearise import TwoStage, family_tangent, linearise_states, linearise_two_stage
 from .models.base import AbstractModel, PointStateModel, TwoStageModel
 from .neighbours import Family
-from .tangent import TwoStage, family_tangent, linearise_states, linearise_two_stage
 
 
 class Phases(NamedTuple):

@@ -24,10 +24,11 @@ from jaxtyping import Array, Complex
 from ._checks import deformation_gradient, require
 from .criteria.outcome import margin_tolerance, verdicts
 from .evaluate import force_density
+from .family_search import pack
 from .force import Exchange, check_model, force_states, point_field
 from .influence import constant_influence
 from .models.base import AbstractModel
-from .neighbours import TIE, Bonds, Families, pack
+from .neighbours import TIE, Bonds, Families
 from .points import Points
 from .tangent import jacobian
 

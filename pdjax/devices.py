@@ -58,7 +58,7 @@ from jax.sharding import Mesh, NamedSharding, PartitionSpec
 from jaxtyping import Array, Float
 
 from ._checks import as_real, is_concrete, require
-from .force import check_model
+from .force import check_model, split_model
 from .models.base import AbstractModel, PointStateModel
 from .neighbours import Families
 from .ways.stream import reference_sums, streamed_force
@@ -282,8 +282,6 @@ def slab_force(model: AbstractModel, fams: Families, mesh: Mesh) -> SlabForce:
     halo = model.rings * max(reach, 1)
     planes = _slab_planes(grid.cells[0], halo, devices)
     walk = _slab(fams, (planes + 2 * halo, *grid.cells[1:]))
-    varying, shared = eqx.partition(
-        model, lambda leaf: eqx.is_array(leaf) and leaf.ndim > 0 and leaf.shape[0] == len(fams)
-    )
+    varying, shared = split_model(model, len(fams))
     bare = SlabForce(None, shared, None, walk, fams.horizon, mesh, planes, halo, grid.periodic[0])
     return _prepared(bare, jax.device_put(varying, bare.sharding))

@@ -4,8 +4,7 @@
                  memory is points and not points × bonds; all bonds at once in small bodies, which compile sooner so
     slices       a lattice without index arrays: the neighbours of all points are one slice
     fft          a lattice by convolutions, where moments and bond force are polynomials of degree 1 or 2 in the
-    displacement: the
-                 cost does not grow with the horizon
+                 displacement: the cost does not grow with the horizon
 
 What depends on the reference configuration alone (shape tensors, transforms of kernels) is computed once, by
 `force_operator`.
@@ -21,7 +20,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ._checks import choice, deformation_gradient, is_concrete
-from .force import check_model, point_field, whole_force
+from .force import check_model, point_field, split_model, whole_force
 from .models.base import AbstractModel, PointStateModel
 from .neighbours import Families
 from .ways.convolution import Convolution
@@ -29,9 +28,7 @@ from .ways.stream import reference_sums, streamed_force
 from .ways.walks import GridWalk, SlotWalk
 
 WAYS = ("auto", "families", "slices", "fft")
-SMALL = (
-    10_000  # bonds below which all are taken at once: a third of the time to compile, and under a millisecond to run
-)
+SMALL = 10_000  # bonds below which all go at once: a third of the time to compile, under a millisecond to run
 MANY = 100  # offsets from which transforms of degree 1 beat slices (3D, N = 3 has 122; measured in `pdjax bench ways`)
 
 
@@ -48,13 +45,9 @@ def _refusal(model: AbstractModel, fams: Families, way: str) -> str | None:
         assert isinstance(model, PointStateModel)
         if not (model.degree and model.additive):
             return f"the force of {type(model).__name__} is no polynomial of the displacement (or its order is traced)"
-        if _varies(model, len(fams)):
+        if jax.tree.leaves(split_model(model, len(fams))[0]):
             return "a constant of the model varies from point to point"
     return None
-
-
-def _varies(model: AbstractModel, points: int) -> bool:
-    return any(eqx.is_array(x) and x.ndim > 0 and x.shape[0] == points for x in jax.tree.leaves(model))
 
 
 def ways_of(model: AbstractModel, fams: Families) -> tuple[str, ...]:

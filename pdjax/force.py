@@ -38,14 +38,14 @@ def plain_exchange(fams: Families) -> Exchange:
     return Exchange(lambda x: x[fams.neighbours], lambda x: x[fams.neighbours, fams.reverse])
 
 
-def _split(model: AbstractModel, points: int) -> tuple[Any, Any]:
+def split_model(model: AbstractModel, points: int) -> tuple[Any, Any]:
     """(leaves that vary from point to point, everything else)."""
     return eqx.partition(model, lambda leaf: eqx.is_array(leaf) and leaf.ndim > 0 and leaf.shape[0] == points)
 
 
 def each_point(method: str, model: AbstractModel, bonds: Bonds) -> Any:
     """model.method(bonds) at every point, with that point's own constants."""
-    varying, shared = _split(model, bonds.xi.shape[0])
+    varying, shared = split_model(model, bonds.xi.shape[0])
     return jax.vmap(lambda mine, b: getattr(eqx.combine(mine, shared), method)(b))(varying, bonds)
 
 
@@ -174,7 +174,7 @@ def affine_stress(model: AbstractModel, fam: Family, F: Float[Array, "dim dim"])
 
 
 def _force_by_state(model: PointStateModel, fams: Families, bonds: Bonds) -> Float[Array, "points dim"]:
-    varying, shared = _split(model, len(fams))
+    varying, shared = split_model(model, len(fams))
     state = each_point("point_state", model, bonds)
     j = fams.neighbours
     other_state, other_constants = jax.tree.map(lambda x: x[j], (state, varying))
@@ -192,7 +192,7 @@ def _force_by_state(model: PointStateModel, fams: Families, bonds: Bonds) -> Flo
 
 def _two_stage_states(model: TwoStageModel, volumes: Array, bonds: Bonds, exchange: Exchange) -> Array:
     """T by both stages: states out, bond energies, the forces on the states back."""
-    varying, shared = _split(model, bonds.xi.shape[0])
+    varying, shared = split_model(model, bonds.xi.shape[0])
 
     def states(eta):
         return jax.vmap(lambda mine, b: eqx.combine(mine, shared).point_state(b))(varying, bonds._replace(eta=eta))
@@ -215,7 +215,7 @@ def _two_stage_states(model: TwoStageModel, volumes: Array, bonds: Bonds, exchan
 
 def _by_both_ends(method: str, model: AbstractModel, bonds: Bonds, exchange: Exchange) -> Array:
     """model.method(A_here, A_there, bond) on every bond, with the constants of the point whose bond it is."""
-    varying, shared = _split(model, bonds.xi.shape[0])
+    varying, shared = split_model(model, bonds.xi.shape[0])
     state = each_point("point_state", model, bonds)
 
     def one(mine, here, there, bond):

@@ -8,9 +8,6 @@ stays the exact gradient of the energy for any weights, even ones that differ be
 
 A family holds the points with |ξ| ≤ δ(1 + 1e-9): ties do not depend on rounding. On a lattice it is in
 centro-symmetric order: bond b and bond b + bonds/2 are opposite.
-
-A padded neighbour of a body's family is the point itself with weight 0 and any non-zero reference vector:
-its strain is finite, its weight kills it, and every derivative is finite, without a `where`.
 """
 
 import itertools
@@ -23,10 +20,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from ._checks import is_concrete, require
+from ._checks import require
 from .influence import constant_influence
-from .lattice_arrays import LatticeArrays
-from .points import Points
 
 TIE = 1e-9  # relative slack of the horizon
 
@@ -44,7 +39,8 @@ class Bonds(NamedTuple):
 EACH_BOND = Bonds(0, 0, 0, 0, None)  # type: ignore[arg-type]  # vmap axes: over the bonds of one family, which share δ
 
 
-def _influence(influence: Callable, r: Array, horizon) -> Array:
+def checked_influence(influence: Callable, r: Array, horizon) -> Array:
+    """ω of bonds of length r, refused where it is no influence."""
     omega = jnp.broadcast_to(jnp.asarray(influence(r, horizon), dtype=r.dtype), r.shape)
     ok = jnp.isfinite(omega).all() & (omega >= 0).all() & (omega > 0).any()
     name = getattr(influence, "__name__", type(influence).__name__)
@@ -124,7 +120,7 @@ def lattice_family(dim: int, N: float, spacing=1.0, influence: Callable = consta
     first = first[np.lexsort((*first.T[::-1], (first**2).sum(axis=1)))]
     xi = jnp.asarray(np.concatenate([first, -first]), dtype=spacing.dtype) * spacing
     horizon = N * spacing
-    omega = _influence(influence, jnp.linalg.norm(xi, axis=1), horizon)
+    omega = checked_influence(influence, jnp.linalg.norm(xi, axis=1), horizon)
     return Family(xi, omega, jnp.ones_like(omega), horizon, spacing)
 
 
@@ -203,151 +199,3 @@ class Families(eqx.Module):
         weight = _weight(weight, self.weight.shape)
         lost = eqx.tree_at(lambda f: f.grid, self, None, is_leaf=lambda x: x is None)
         return eqx.tree_at(lambda f: f.weight, lost, self.weight * weight)
-
-
-def _refuse_short_box(body: Points, radius: float) -> None:
-    if body.period is not None and (np.array(body.period) <= 2 * radius).any():
-        raise ValueError(
-            f"a periodic box must be longer than two horizons ({2 * radius:g}), or a point meets a neighbour"
-            f" twice; got box lengths {body.period}"
-        )
-
-
-def _directed_pairs(body: Points, radius: float) -> tuple[np.ndarray, np.ndarray]:
-    """All pairs i < j nearer than `radius`; refuses duplicates and boxes smaller than two horizons."""
-    from scipy.spatial import cKDTree  # late: it takes a third of a second
-
-    box = None
-    X = body.positions
-    _refuse_short_box(body, radius)
-    if body.period is not None:
-        period = np.array(body.period)
-        box = np.where(np.isfinite(period), period, 0.0)  # cKDTree: 0 means not periodic
-        X = np.where(box > 0, np.mod(X, np.where(box > 0, box, 1.0)), X)
-    tree = cKDTree(X, boxsize=box)
-    near = tree.query_pairs(1e-9 * radius, output_type="ndarray")
-    if len(near):
-        i, j = near[0]
-        raise ValueError(f"positions must be distinct; points {i} and {j} coincide ({len(near)} such pairs)")
-    pairs = tree.query_pairs(radius, output_type="ndarray")
-    return pairs[:, 0], pairs[:, 1]
-
-
-def families(body: Points, horizon: float, influence: Callable = constant_influence, arrays: bool = True) -> Families:
-    """Find every family of a body and pad them into arrays: by cKDTree, on a lattice by its stencil.
-
-    Arguments: body of any dim; horizon δ [length]; influence (r, δ) → ω ≥ 0. arrays=False (lattices only) keeps the
-        stencil and no arrays over points and bonds: enough for forces, their derivatives and explicit dynamics.
-    Raises: ValueError for a horizon that is not finite or below the lattice spacing, duplicate points,
-        a point without neighbours, a periodic box not longer than two horizons, a bad influence.
-    """
-    if not isinstance(body, Points):
-        raise ValueError(f"body must be Points (lattice, bar, plate, cuboid, cloud); got {type(body).__name__}")
-    if not is_concrete(horizon):
-        raise ValueError("horizon decides who is whose neighbour, so it can't be traced; pass a plain number")
-    horizon = float(horizon)
-    least = 0.0 if body.spacing is None else body.spacing / (1 + TIE)
-    if not (math.isfinite(horizon) and horizon > 0 and horizon >= least):
-        raise ValueError(f"horizon must be finite, > 0 and at least one spacing ({body.spacing}); got {horizon}")
-    if body.cells is not None:
-        return _of_lattice(body, horizon, influence, arrays)
-    if not arrays:
-        raise ValueError("arrays=False is for lattices, whose families have one stencil; this body is a cloud")
-    lower, upper = _directed_pairs(body, horizon * (1 + TIE))
-    i, j = np.concatenate([lower, upper]), np.concatenate([upper, lower])
-    vectors = body.positions[j] - body.positions[i]
-    if body.period is not None:
-        period = np.array(body.period)
-        vectors -= np.where(np.isfinite(period), period, 0.0) * np.round(vectors / period)
-    opposite = np.roll(np.arange(len(i)), len(lower))  # directed bond p runs back along p + pairs
-    return pack(body, horizon, influence, (i, j, vectors, opposite))
-
-
-def _refuse_lonely(count: np.ndarray, horizon: float) -> None:
-    if (count == 0).any():
-        raise ValueError(
-            f"every point needs a neighbour within the horizon {horizon:g}; point {int(np.argmin(count))} has"
-            f" none ({int((count == 0).sum())} such points)"
-        )
-
-
-def _of_lattice(body: Points, horizon: float, influence: Callable, arrays: bool) -> Families:
-    """The families of a lattice by its stencil."""
-    assert body.cells is not None and body.spacing is not None
-    periodic = tuple(bool(np.isfinite(p)) for p in body.period) if body.period else (False,) * body.dim
-    _refuse_short_box(body, horizon * (1 + TIE))
-    offsets = cells_within(body.dim, horizon / body.spacing)
-    reach = np.abs(offsets) < np.array(body.cells)
-    offsets = offsets[reach.all(axis=1)]  # a bond longer than the body is nobody's
-    real = jnp.result_type(float)
-    delta = jnp.asarray(horizon, dtype=real)
-    vectors = offsets * body.spacing
-    made = LatticeArrays(body, offsets, periodic, arrays)
-    _refuse_lonely(made.count, horizon)
-    omega = _influence(influence, jnp.asarray(np.linalg.norm(vectors, axis=1), dtype=real), delta)
-    half = len(offsets) // 2
-    order = np.concatenate([np.arange(half, len(offsets)), np.arange(half)[::-1]])
-    grid = Grid(
-        body.cells,
-        periodic,
-        tuple(tuple(int(x) for x in o) for o in offsets[order]),
-        omega[order],
-        None if body.sites is None else jnp.asarray(body.sites, dtype=jnp.int32),
-        horizon,
-        None if arrays else (made.examples, made.patterns[:, order]),
-    )
-    volumes, count = jnp.asarray(body.volumes, dtype=real), jnp.asarray(made.count)
-    if not arrays:
-        return Families(None, None, None, None, None, volumes, count, delta, body.spacing, body.shape, grid)
-    away = np.zeros((1, body.dim))
-    away[0, 0] = horizon
-    xi = np.concatenate([vectors, away])[made.offset]  # −1, padding, is the last
-    padded = jnp.concatenate([omega, jnp.ones(1, real)])
-    return Families(
-        jnp.asarray(made.neighbours),
-        jnp.asarray(made.reverse),
-        jnp.asarray(xi, dtype=real),
-        padded[made.offset],
-        jnp.asarray(made.offset >= 0, dtype=real),
-        volumes,
-        count,
-        delta,
-        body.spacing,
-        body.shape,
-        grid,
-    )
-
-
-def pack(body: Points, horizon: float, influence: Callable, directed: tuple[np.ndarray, ...]) -> Families:
-    """Directed bonds (i, j, vectors, index of the opposite bond) → padded arrays."""
-    i, j, vectors, opposite = directed
-    points = len(body)
-    count = np.bincount(i, minlength=points)
-    _refuse_lonely(count, horizon)
-    order = np.lexsort((j, i))
-    slot = np.empty(len(i), dtype=np.int64)
-    slot[order] = np.arange(len(i)) - np.repeat(np.cumsum(count) - count, count)
-
-    width = int(count.max())
-    neighbours = np.broadcast_to(np.arange(points)[:, None], (points, width)).copy()
-    reverse = np.broadcast_to(np.arange(width)[None, :], (points, width)).copy()
-    xi = np.zeros((points, width, body.dim))
-    xi[..., 0] = horizon
-    weight = np.zeros((points, width))
-    neighbours[i, slot], reverse[i, slot], xi[i, slot], weight[i, slot] = j, slot[opposite], vectors, 1.0
-
-    real = jnp.result_type(float)
-    delta = jnp.asarray(horizon, dtype=real)
-    omega = _influence(influence, jnp.asarray(np.linalg.norm(xi, axis=-1), dtype=real), delta)
-    return Families(
-        jnp.asarray(neighbours, dtype=jnp.int32),
-        jnp.asarray(reverse, dtype=jnp.int32),
-        jnp.asarray(xi, dtype=real),
-        omega,
-        jnp.asarray(weight, dtype=real),
-        jnp.asarray(body.volumes, dtype=real),
-        jnp.asarray(count, dtype=jnp.int32),
-        delta,
-        body.spacing,
-        body.shape,
-    )

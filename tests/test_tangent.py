@@ -13,7 +13,7 @@ from bodies import worst
 from table import KINDS, MODELS
 
 import pdjax as pd
-from pdjax.tangent import family_tangent
+from pdjax.linearise import family_tangent
 
 LAM, MU = 1.3, 0.7
 

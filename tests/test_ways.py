@@ -67,17 +67,6 @@ def test_ways_on_a_periodic_lattice_without_arrays(name):
             assert relative(pd.force_density(model, lean, u, mean, way=way), expected) < 1e-13  # measured: 4e-15
 
 
-def test_ways_in_blocks(monkeypatch):
-    """Long bodies go block by block; here blocks of 20 points of 63."""
-    monkeypatch.setattr("pdjax.ways.walks.BLOCK", 20)
-    model, body = table.MODELS["seth_hill m=0"], pd.lattice((9, 7), 0.5)
-    fams = pd.families(body, 1.01)
-    u = 0.02 * jnp.asarray(bodies.random(2).normal(size=body.positions.shape))
-    expected = whole_force(model, fams, fams.bonds(u))
-    for way in ("slices", "families"):
-        assert relative(pd.force_density(model, fams, u, way=way), expected) < 1e-13  # measured: 3e-15
-
-
 @pytest.mark.parametrize("name", ["seth_hill m=0", "bond_based", "lps"])
 def test_a_body_that_moves_as_a_whole_is_free_of_force(name):
     """By one spacing: an empty cell, whose displacement is 0, then lies where the point is."""

@@ -22,11 +22,11 @@ import numpy as np
 
 from ..coloring import coloured_jacobian
 from ..evaluate import force_density
+from ..family_search import families
 from ..force import whole_force
 from ..kinematics import displacement_gradient, shape_tensor_K, solve_positive
 from ..laws import LinearElastic
 from ..models import Correspondence
-from ..neighbours import families
 from ..points import lattice
 from ..tangent import jacobian
 from .chart import error_against_time

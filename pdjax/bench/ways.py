@@ -16,9 +16,10 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..evaluate import ForceOperator, force_operator, ways_of
+from ..family_search import families
 from ..laws import LinearElastic
 from ..models import LPS, BondBased, Correspondence, SethHill
-from ..neighbours import Families, families
+from ..neighbours import Families
 from ..points import lattice
 from .harness import Case, Task, kernel
 

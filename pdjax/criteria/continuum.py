@@ -13,9 +13,9 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..bloch import p_wave_modulus
+from ..linearise import linearise_states
 from ..models.base import AbstractModel, PointStateModel
 from ..neighbours import Bonds, Family
-from ..tangent import linearise_states
 from .outcome import Outcome, decide
 
 

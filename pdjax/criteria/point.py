@@ -18,9 +18,9 @@ from jaxtyping import Array, Float
 
 from ..bloch import block_at_center, p_wave_modulus
 from ..kinematics import shape_tensor_K
+from ..linearise import family_tangent
 from ..models.base import AbstractModel
 from ..neighbours import Bonds, Family
-from ..tangent import family_tangent
 from .outcome import Outcome, decide
 
 

@@ -14,10 +14,10 @@ import numpy as np
 from .. import conditions
 from .._checks import deformation_gradient, is_concrete
 from ..closed_forms.local_bar import local_strain_of_stress, singular_bar_local
+from ..family_search import families
 from ..laws import LinearElastic
 from ..models import SethHill, graded
 from ..models.base import AbstractModel
-from ..neighbours import families
 from ..points import Points, lattice
 from ..problem import Scene, scene
 

@@ -10,8 +10,9 @@ from .. import conditions
 from .._checks import deformation_gradient, is_concrete
 from ..bloch import p_wave_modulus
 from ..dynamics.system import Motion, Ramp, motion
+from ..family_search import families
 from ..models.base import AbstractModel
-from ..neighbours import families, lattice_family
+from ..neighbours import lattice_family
 from ..paths import uniaxial_stress
 from ..points import lattice
 from ..problem import scene

@@ -28,6 +28,7 @@ from jaxtyping import Array, Complex, Float
 from ..models.base import PointStateModel, Sums
 from ..neighbours import EACH_BOND, Bonds, Families, Grid
 from .stream import state_rows
+from .walks import from_cells, to_cells
 
 Monomial = tuple[int, ...]  # components of u that are multiplied; -1 − q stands for entry q of the point state
 
@@ -160,20 +161,6 @@ class Convolution(eqx.Module):
             plan, rows = make_plan(model, grid, float(fams.spacing or 1.0), grid.horizon, degree)
         return _transformed(model, fams, plan, rows)
 
-    def _reference(self, model: PointStateModel, fams: Families) -> Array:
-        """Σ of the first tree of moments at every cell; of a full family where there is no point."""
-        grid: Any = fams.grid
-        xi = jnp.asarray(np.array(grid.offsets).reshape(-1, fams.dim) * float(fams.spacing or 1.0), fams.dtype)
-        volume = jnp.full(len(xi), float(fams.spacing or 1.0) ** fams.dim, fams.dtype)
-        bonds = Bonds(xi, jnp.zeros_like(xi), grid.influence, volume, fams.horizon)
-        rows = jax.vmap(lambda b: ravel_pytree(model.moments(b)[0])[0], (EACH_BOND,))(bonds)
-        places = tuple(np.mod(-np.array(grid.offsets)[:, k], self.box[k]) for k in range(fams.dim))
-        kernels = jnp.zeros((rows.shape[1], *self.box), fams.dtype).at[(slice(None), *places)].set(rows.T)
-        axes = tuple(range(1, fams.dim + 1))
-        sums = self._back(jnp.fft.rfftn(kernels, axes=axes) * jnp.fft.rfftn(self.filled, s=self.box))
-        full = rows.sum(axis=0).reshape(-1, *[1] * fams.dim)
-        return jnp.where(self.filled > 0, sums, full)
-
     def _forth(self, x: Array) -> Array:
         return jnp.fft.rfftn(x, s=self.box, axes=tuple(range(1, x.ndim)))
 
@@ -181,18 +168,6 @@ class Convolution(eqx.Module):
         """(n, frequencies) → (n, cells)."""
         out = jnp.fft.irfftn(x, s=self.box, axes=tuple(range(1, x.ndim)))
         return out[(slice(None), *(slice(0, n) for n in self.cells))]
-
-    def embed(self, x: Array) -> Array:
-        """(points, components) → (components, cells), 0 where there is no point."""
-        x = x.T
-        if self.sites is not None:
-            x = jnp.zeros((x.shape[0], math.prod(self.cells)), x.dtype).at[:, self.sites].set(x)
-        return x.reshape(x.shape[0], *self.cells)
-
-    def collect(self, x: Array) -> Array:
-        """(components, cells) → (points, components)."""
-        x = x.reshape(x.shape[0], math.prod(self.cells)).T
-        return x if self.sites is None else x[self.sites]
 
     def _sum(self, terms: tuple[Term, ...], count: int, u: Array, state: Array) -> list[Array]:
         """Every entry of Σ terms, from u (dim, cells) and the point state (entries, cells), both 0 off the body."""
@@ -228,14 +203,14 @@ class Convolution(eqx.Module):
     def force(self, model: PointStateModel, u: Float[Array, "points dim"], horizon: Array) -> Array:
         """f of every point."""
         real = self.filled.dtype
-        U = self.embed(u.astype(real))
+        U = to_cells(u.astype(real), self.cells, self.sites)
         dim = u.shape[1]
         sums = self._sum(self.plan.moments, self.plan.entries, U, U[:0])
         deformed = jnp.stack([U[0], *sums])[1:]  # U[0]: a stack of nothing has no shape
         reference, deformed = (x.reshape(x.shape[0], math.prod(self.cells)) for x in (self.reference, deformed))
-        rows = state_rows(model, dim, real, reference, deformed, horizon)
+        rows = state_rows(model, dim, real, (reference, deformed), horizon)
         state = jnp.stack([U[0], *(jnp.where(self.filled > 0, r.reshape(self.cells), 0.0) for r in rows)])[1:]
-        return self.collect(jnp.stack(self._sum(self.plan.forces, dim, U, state)) * self.filled)
+        return from_cells(jnp.stack(self._sum(self.plan.forces, dim, U, state)) * self.filled, self.sites)
 
 
 @eqx.filter_jit
@@ -247,13 +222,22 @@ def _transformed(model: PointStateModel, fams: Families, plan: Plan, rows: Any) 
         n if wraps else scipy.fft.next_fast_len(int(n + r), real=True)
         for n, r, wraps in zip(grid.cells, reach, grid.periodic, strict=True)
     )
-    real = fams.dtype
-    weight = grid.influence * float(fams.spacing or 1.0) ** fams.dim
-    places = tuple(np.mod(-offsets[:, k], box[k]) for k in range(fams.dim))
-    kernels = jnp.zeros((len(rows), *box), real).at[(slice(None), *places)].set(jnp.asarray(rows, real) * weight)
-    transforms = jnp.fft.rfftn(kernels, axes=tuple(range(1, fams.dim + 1)))
-    made = Convolution(transforms, kernels[:, :0], jnp.zeros(0), jnp.zeros(0), grid.sites, plan, grid.cells, box)
-    filled = made.embed(jnp.ones((len(fams), 1), real))[0]
-    still = made._back(transforms * jnp.fft.rfftn(filled, s=box))
-    made = eqx.tree_at(lambda c: (c.still, c.filled), made, (still, filled))
-    return eqx.tree_at(lambda c: c.reference, made, made._reference(model, fams))
+    real, spacing = fams.dtype, float(fams.spacing or 1.0)
+    volume = jnp.full(len(offsets), spacing**fams.dim, real)
+
+    def transforms(rows: Array) -> Array:
+        """Of kernels (kernels, offsets), mirrored: a correlation is a product."""
+        kernels = jnp.zeros((len(rows), *box), real)
+        kernels = kernels.at[(slice(None), *np.mod(-offsets, box).T)].set(rows)
+        return jnp.fft.rfftn(kernels, axes=tuple(range(1, fams.dim + 1)))
+
+    spectra = transforms(jnp.asarray(rows, real) * grid.influence * volume)
+    filled = to_cells(jnp.ones((len(fams), 1), real), grid.cells, grid.sites)[0]
+    made = Convolution(spectra, filled, filled, filled, grid.sites, plan, grid.cells, box)
+    body = jnp.fft.rfftn(filled, s=box)
+    xi = jnp.asarray(offsets * spacing, real)
+    bonds = Bonds(xi, jnp.zeros_like(xi), grid.influence, volume, fams.horizon)
+    each = jax.vmap(lambda b: ravel_pytree(model.moments(b)[0])[0], (EACH_BOND,))(bonds)
+    full = each.sum(axis=0).reshape(-1, *[1] * fams.dim)  # what a full family has, where there is no point
+    reference = jnp.where(filled > 0, made._back(transforms(each.T) * body), full)
+    return eqx.tree_at(lambda c: (c.still, c.reference), made, (made._back(spectra * body), reference))

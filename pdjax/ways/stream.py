@@ -18,6 +18,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from ..force import split_model
 from ..models.base import PointStateModel, Sums
 from ..neighbours import Bonds
 from .components import by_components, join
@@ -32,10 +33,8 @@ def _flat(x: Array) -> Array:
 class _Varying:
     """The constants of a model that vary from point to point, laid out by a walk."""
 
-    def __init__(self, model: PointStateModel, walk: Walk, points: int):
-        varying, self.shared = eqx.partition(
-            model, lambda leaf: eqx.is_array(leaf) and leaf.ndim > 0 and leaf.shape[0] == points
-        )
+    def __init__(self, model: PointStateModel, walk: Walk | None = None, points: int = -1):
+        varying, self.shared = split_model(model, points)
         leaves, self.structure = jax.tree.flatten(varying)
         self.shapes = [x.shape[1:] for x in leaves]
         self.rows = [_rows(walk, walk.embed(_flat(x))) for x in leaves]
@@ -44,7 +43,7 @@ class _Varying:
         return bool(self.rows)
 
     def components(self, read: Callable) -> list[np.ndarray]:
-        """`read` at a block or at its neighbours."""
+        """`read` at the points or at their neighbours."""
         return [_trees(None, [s], [read(row) for row in x]) for x, s in zip(self.rows, self.shapes, strict=True)]
 
     def single(self) -> PointStateModel:
@@ -65,7 +64,6 @@ def _bond(
     u: list[Array],
     here: list[Array],
     gradient: Array | None,
-    c: Any,
     slot: Slot,
     volumes: Array,
     horizon: Array,
@@ -75,11 +73,11 @@ def _bond(
     xi, eta = np.empty(dim, dtype=object), np.empty(dim, dtype=object)
     for k in range(dim):
         xi[k] = slot.xi[k]
-    far = walk.far(volumes, c, slot)
+    far = walk.far(volumes, slot)
     # where there is no point u is 0, and a bond to it may collapse: 0 · ∞ is no force
-    real = None if walk.filled is None else (far > 0) & (walk.here(walk.filled, c) > 0)
+    real = None if walk.filled is None else (far > 0) & (walk.filled > 0)
     for k in range(dim):
-        eta[k] = walk.far(u[k], c, slot) - here[k]
+        eta[k] = walk.far(u[k], slot) - here[k]
         if real is not None:
             eta[k] = jnp.where(real, eta[k], 0.0)
         if gradient is not None:
@@ -93,8 +91,8 @@ def _one(x: Any) -> np.ndarray:
     return out
 
 
-def _over_slots(walk: Walk, c: Any, body: Callable, start: list[Array], pairs: float) -> list[Array]:
-    """Σ over the slots of a block of what `body(slot)` gives: lists of (block,) arrays.
+def _over_slots(walk: Walk, body: Callable, start: list[Array], pairs: float) -> list[Array]:
+    """Σ over the slots of what `body(slot)` gives: lists of (flat,) arrays.
 
     `pairs` ±1: a bond gives its far end `pairs` times what it gives its near end, so one slot of each opposite two is
     enough; 0: nothing is known of it.
@@ -103,7 +101,7 @@ def _over_slots(walk: Walk, c: Any, body: Callable, start: list[Array], pairs: f
     @partial(jax.checkpoint, prevent_cse=False)
     def add(total, numbers):
         for number in numbers:
-            slot = walk.slot(number, c)
+            slot = walk.slot(number)
             share = body(slot)
             total = [a + b for a, b in zip(total, share, strict=True)]
             if pairs:
@@ -115,14 +113,6 @@ def _over_slots(walk: Walk, c: Any, body: Callable, start: list[Array], pairs: f
     whole = numbers[:-1] if len(left) < numbers.shape[1] else numbers
     total, _ = jax.lax.scan(lambda total, step: (add(total, list(step)), None), start, jnp.asarray(whole))
     return add(total, left) if len(whole) < len(numbers) else total
-
-
-def _by_blocks(walk: Walk, one: Callable) -> Array:
-    """one(c) → (components, block) for every block → (components, flat)."""
-    if walk.blocks == 1:
-        return one(0)
-    out = jax.lax.map(one, jnp.arange(walk.blocks))
-    return jnp.moveaxis(out, 0, 1).reshape(out.shape[1], walk.blocks * walk.block)
 
 
 def _sizes(model: PointStateModel, which: int, dim: int, dtype: Any) -> tuple[Any, list[tuple[int, ...]]]:
@@ -152,14 +142,7 @@ def _trees(structure: Any, shapes: list[tuple[int, ...]], rows: Any) -> Any:
 
 def _in_pairs(model: PointStateModel, walk: Walk, varying: _Varying) -> bool:
     """Whether what a bond gives its two ends is the same but for the sign: on a lattice of one material."""
-    return (
-        model.even
-        and model.additive
-        and not model.degree
-        and isinstance(walk, GridWalk)
-        and walk.blocks == 1
-        and not varying
-    )
+    return model.even and model.additive and not model.degree and isinstance(walk, GridWalk) and not varying
 
 
 def _sum_moments(model: PointStateModel, walk: Walk, which: int, u: Array, gradient, horizon) -> Array:
@@ -174,20 +157,18 @@ def _sum_moments(model: PointStateModel, walk: Walk, which: int, u: Array, gradi
     def moments(leaves, bond):
         return varying.model(leaves).moments(bond)[which]
 
-    def one(c):
-        here = [walk.here(x, c) for x in opened]
-        own = varying.components(lambda x: walk.here(x, c))
+    here = [walk.here(x) for x in opened]
+    own = varying.components(walk.here)
 
-        def body(slot):
-            bond = _bond(walk, opened, here, gradient, c, slot, volumes, horizon)
-            if pairs:  # also nothing from where there is no point
-                bond = bond._replace(volume=_one(bond.volume[()] * walk.filled))
-            return _entries(by_components(moments, dtype, walk.one, walk.dear(*bond.eta, bond.volume[()]))(own, bond))
+    def body(slot):
+        bond = _bond(walk, opened, here, gradient, slot, volumes, horizon)
+        if pairs:  # also nothing from where there is no point
+            bond = bond._replace(volume=_one(bond.volume[()] * walk.filled))
+        return _entries(by_components(moments, dtype, walk.one, walk.dear(*bond.eta, bond.volume[()]))(own, bond))
 
-        zeros = [jnp.zeros(walk.block, dtype)] * count
-        return jnp.stack(_over_slots(walk, c, body, zeros, pairs)) if count else jnp.zeros((0, walk.block), dtype)
-
-    return _by_blocks(walk, one)
+    flat = walk.volumes.shape[0]
+    total = _over_slots(walk, body, [jnp.zeros(flat, dtype)] * count, pairs) if count else []
+    return jnp.stack(total) if count else jnp.zeros((0, flat), dtype)
 
 
 def reference_sums(model: PointStateModel, walk: Walk, dim: int, horizon: Array) -> Float[Array, "entries flat"]:
@@ -207,12 +188,23 @@ def reference_sums(model: PointStateModel, walk: Walk, dim: int, horizon: Array)
     return jnp.where(walk.filled > 0, sums, rows[:, None])
 
 
-def state_rows(model: PointStateModel, dim: int, dtype: Any, reference: Array, deformed: Array, horizon: Array) -> list:
-    """The point states of one model from both sums (entries, points), entry by entry over the points."""
-    (ref_tree, ref_shapes), (def_tree, def_shapes) = (_sizes(model, k, dim, dtype) for k in (0, 1))
-    sums = _trees(ref_tree, ref_shapes, reference), _trees(def_tree, def_shapes, deformed)
-    state = by_components(lambda a, b, h: model.state(Sums(a, b, h, dim)), dtype)(*sums, _one(horizon))
-    return [join(e, reference.shape[1]) for e in map(_one, _entries(state))]
+def _states(varying: _Varying, own: list, dim: int, dtype: Any, sums: tuple[Array, Array], horizon: Array):
+    """The point states from both sums (entries, flat): structure, shapes, and rows (flat,), one an entry."""
+    trees = [_sizes(varying.single(), k, dim, dtype) for k in (0, 1)]
+
+    def state_of(leaves, reference, deformed, horizon):
+        return varying.model(leaves).state(Sums(reference, deformed, horizon, dim))
+
+    both = [_trees(*tree, rows) for tree, rows in zip(trees, sums, strict=True)]
+    state = by_components(state_of, dtype)(own, *both, _one(horizon))
+    leaves, structure = jax.tree.flatten(state)
+    rows = [join(e, sums[0].shape[1]) for x in leaves for e in map(_one, x.reshape(-1))]
+    return structure, [x.shape for x in leaves], rows
+
+
+def state_rows(model: PointStateModel, dim: int, dtype: Any, sums: tuple[Array, Array], horizon: Array) -> list:
+    """The point states of a model of one material from both sums (entries, points), entry by entry."""
+    return _states(_Varying(model), [], dim, dtype, sums, horizon)[2]
 
 
 def streamed_force(
@@ -224,57 +216,36 @@ def streamed_force(
     varying = _Varying(model, walk, points)
     U = walk.embed(u.astype(dtype))
     deformed = _sum_moments(model, walk, 1, U, gradient, horizon)
-    (ref_tree, ref_shapes), (def_tree, def_shapes) = (_sizes(varying.single(), k, dim, dtype) for k in (0, 1))
-    kept: list = []
-
-    def state_of(leaves, reference, deformed, horizon):
-        return varying.model(leaves).state(Sums(reference, deformed, horizon, dim))
-
-    def make_state(c):
-        own = varying.components(lambda x: walk.here(x, c))
-        a, b = (walk.here(x, c) for x in (reference, deformed))
-        sums = _trees(ref_tree, ref_shapes, a), _trees(def_tree, def_shapes, b)
-        state = by_components(state_of, dtype)(own, *sums, _one(horizon))
-        leaves, structure = jax.tree.flatten(state)
-        kept[:] = [structure, [x.shape for x in leaves]]
-        rows = [join(e, walk.block) for x in leaves for e in map(_one, x.reshape(-1))]
-        return jnp.stack(rows) if rows else jnp.zeros((0, walk.block), dtype)
-
-    states = _rows(walk, walk.renew(_by_blocks(walk, make_state)))
-    structure, shapes = kept
+    mine = varying.components(walk.here)
+    structure, shapes, rows = _states(varying, mine, dim, dtype, (reference, deformed), horizon)
+    states = _rows(walk, walk.renew(jnp.stack(rows))) if rows else []
     opened, volumes = _rows(walk, U), walk.open(walk.volumes)
     pairs = -1.0 if _in_pairs(model, walk, varying) else 0.0
     alike = model.additive and walk.back is None and not varying
+    u_here, a_here = ([walk.here(x) for x in rows] for rows in (opened, states))
+    here = _trees(structure, shapes, a_here)
 
     def force(leaves, here, there, bond):
         return varying.model(leaves).bond_force(here, there, bond)
 
-    def one(c):
-        u_here, a_here = ([walk.here(x, c) for x in rows] for rows in (opened, states))
-        mine = varying.components(lambda x: walk.here(x, c))
-        here = _trees(structure, shapes, a_here)
+    def body(slot):
+        bond = _bond(walk, opened, u_here, gradient, slot, volumes, horizon)
+        a_far = [walk.far(x, slot) for x in states]
+        if alike:
+            summed = [a + b for a, b in zip(a_here, a_far, strict=True)]
+            both = _trees(structure, shapes, summed)
+            total = by_components(force, dtype, walk.one, walk.dear(*bond.eta, *summed))(mine, both, both, bond)
+            weight = bond.volume[()] * (1.0 if shapes else 2.0)
+            if pairs:
+                weight = weight * walk.filled
+            return [weight * x for x in total]
+        there = _trees(structure, shapes, a_far)
+        yours = varying.components(lambda x: walk.far(x, slot))
+        omega = slot.omega if slot.back is None else slot.back
+        reverse = Bonds(-bond.xi, -bond.eta, _one(omega), _one(walk.volumes), bond.horizon)
+        out = by_components(force, dtype)(mine, here, there, bond)
+        back = by_components(force, dtype)(yours, there, here, reverse)
+        return [bond.volume[()] * (a - b) for a, b in zip(out, back, strict=True)]
 
-        def body(slot):
-            bond = _bond(walk, opened, u_here, gradient, c, slot, volumes, horizon)
-            a_far = [walk.far(x, c, slot) for x in states]
-            if alike:
-                summed = [a + b for a, b in zip(a_here, a_far, strict=True)]
-                both = _trees(structure, shapes, summed)
-                total = by_components(force, dtype, walk.one, walk.dear(*bond.eta, *summed))(mine, both, both, bond)
-                weight = bond.volume[()] * (1.0 if shapes else 2.0)
-                if pairs:
-                    weight = weight * walk.filled
-                return [weight * x for x in total]
-            there = _trees(structure, shapes, a_far)
-            yours = varying.components(lambda x: walk.far(x, c, slot))
-            reverse = bond._replace(
-                xi=-bond.xi, eta=-bond.eta, omega=_one(slot.omega if slot.back is None else slot.back)
-            )
-            reverse = reverse._replace(volume=_one(walk.here(walk.volumes, c)))
-            out = by_components(force, dtype)(mine, here, there, bond)
-            back = by_components(force, dtype)(yours, there, here, reverse)
-            return [bond.volume[()] * (a - b) for a, b in zip(out, back, strict=True)]
-
-        return jnp.stack(_over_slots(walk, c, body, [jnp.zeros(walk.block, dtype)] * dim, pairs))
-
-    return walk.collect(_by_blocks(walk, one))
+    zeros = [jnp.zeros_like(walk.volumes)] * dim
+    return walk.collect(jnp.stack(_over_slots(walk, body, zeros, pairs)))

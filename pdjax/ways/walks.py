@@ -1,9 +1,9 @@
 """Two walks over the bonds of a body: point by point in flat arrays, slot by slot.
 
-A quantity of the points is an array (components, flat); a walk knows how to lay it out (`embed`), to read it at a
-block of points (`here`) and at their neighbours of one slot (`far`), and to take it back (`collect`). Blocks are as
-long as the caches like; a slot is one offset of a lattice (`GridWalk`) or one column of padded neighbour arrays
-(`SlotWalk`).
+A quantity of the points is an array (components, flat); a walk knows how to lay it out (`embed`), to read it at the
+points (`here`) and at their neighbours of one slot (`far`), and to take it back (`collect`). A slot is one offset of a
+lattice (`GridWalk`) or one column of padded neighbour arrays (`SlotWalk`). (Blocks of points as long as the caches like
+were tried: XLA made them four times slower than whole arrays, and they are not here.)
 
 **GridWalk**: cells in row-major order, with a gap of ⌊N⌋ empty cells at the end of every axis but the first, so that a
 neighbour is always the same number of places ahead or behind, and never in the next row by mistake: no index arrays. A
@@ -21,12 +21,25 @@ from jaxtyping import Array, Float, Int
 
 from ..neighbours import Families, Grid
 
-BLOCK = 10**9
 UNROLLED = (9, 8, 7, 6, 10)  # slots in one step of the loop, where bonds cost so little that sums are what is paid for
 
 
+def to_cells(x: Array, cells: tuple[int, ...], sites: Array | None) -> Array:
+    """(points, components) → (components, *cells); 0 where there is no point."""
+    x = x.T
+    if sites is not None:
+        x = jnp.zeros((x.shape[0], math.prod(cells)), x.dtype).at[:, sites].set(x)
+    return x.reshape(x.shape[0], *cells)
+
+
+def from_cells(x: Array, sites: Array | None) -> Array:
+    """(components, *cells) → (points, components)."""
+    x = x.reshape(x.shape[0], math.prod(x.shape[1:])).T
+    return x if sites is None else x[sites]
+
+
 class Slot(NamedTuple):
-    """One slot of a block: where the neighbours are, and what the bonds are, over the block or shared by it."""
+    """One slot: where the neighbours are, and what the bonds are, a value a point or one shared by all."""
 
     at: Any
     xi: list[Array]  # a component each
@@ -49,78 +62,47 @@ class SlotWalk(eqx.Module):
     back: Float[Array, "slots flat"] | None
     volumes: Float[Array, " flat"]
     one: Float[Array, ""]  # 1, not known to the compiler
-    points: int = eqx.field(static=True)
-    block: int = eqx.field(static=True)
 
     @staticmethod
     def of(fams: Families, symmetric: bool) -> "SlotWalk":
         """`symmetric`: ω_ij = ω_ji of every bond."""
-        points = len(fams)
-        blocks = -(-points // BLOCK)
-        block = -(-points // blocks)
-        more = blocks * block - points
         omega = fams.influence * fams.weight
         back = None if symmetric else omega[fams.neighbours, fams.reverse]
 
-        def turned(x):
-            return jnp.pad(jnp.moveaxis(x, 0, -1), [(0, 0)] * (x.ndim - 1) + [(0, more)], mode="edge")
-
         return SlotWalk(
-            turned(fams.neighbours),
-            jnp.moveaxis(turned(fams.xi), 1, 0),
-            turned(omega),
-            None if back is None else turned(back),
-            jnp.pad(fams.volumes, (0, more), mode="edge"),
+            fams.neighbours.T,
+            jnp.moveaxis(fams.xi, (2, 1), (0, 1)),
+            omega.T,
+            None if back is None else back.T,
+            fams.volumes,
             jnp.ones((), fams.dtype),
-            points,
-            block,
         )
 
-    @property
-    def blocks(self) -> int:
-        return self.volumes.shape[0] // self.block
-
-    @property
-    def filled(self) -> None:
-        return None
-
-    def embed(self, x: Array) -> Array:
-        """(points, components) → (components, flat)."""
-        return jnp.pad(x.T, ((0, 0), (0, self.volumes.shape[0] - self.points)), mode="edge")
-
+    filled = None
+    embed = staticmethod(lambda x: x.T)  # (points, components) → (components, flat)
+    collect = staticmethod(lambda x: x.T)
     renew = staticmethod(lambda x: x)
     open = staticmethod(lambda x: x)
-
-    def collect(self, x: Array) -> Array:
-        """(components, flat) → (points, components)."""
-        return x[:, : self.points].T
-
-    def here(self, x: Array, c) -> Array:
-        """(…, flat) → (…, block)."""
-        return jax.lax.dynamic_slice_in_dim(x, c * self.block, self.block, axis=-1)
+    here = staticmethod(lambda x: x)
 
     @staticmethod
     def dear(*read: Array) -> list:
         """What is costly to read again: anything gathered."""
         return list(read)
 
-    def far(self, x: Array, c, slot: Slot) -> Array:
+    @staticmethod
+    def far(x: Array, slot: Slot) -> Array:
+        """x at the far ends of one slot."""
         return x.at[slot.at].get(mode="promise_in_bounds")
 
     def numbers(self, pairs: bool) -> np.ndarray:
         """Numbers of the slots, (steps, group), −1 where nothing is left."""
         return _steps(self.omega.shape[0], False)
 
-    def slot(self, number: Array, c) -> Slot:
-        """One slot of a block."""
-
-        def cut(x):
-            start = [jnp.asarray(s, jnp.int32) for s in (*[0] * (x.ndim - 2), number, c * self.block)]
-            row = jax.lax.dynamic_slice(x, start, (*x.shape[:-2], 1, self.block))
-            return row.reshape(*x.shape[:-2], self.block)
-
-        xi = [cut(self.xi[k]) for k in range(len(self.xi))]
-        return Slot(cut(self.neighbours), xi, cut(self.omega), None if self.back is None else cut(self.back))
+    def slot(self, number: Array) -> Slot:
+        """One slot of the walk."""
+        back = None if self.back is None else self.back[number]
+        return Slot(self.neighbours[number], [x[number] for x in self.xi], self.omega[number], back)
 
 
 class GridWalk(eqx.Module):
@@ -134,11 +116,10 @@ class GridWalk(eqx.Module):
     cell: Float[Array, ""]  # volume of a cell
     one: Float[Array, ""]  # 1, not known to the compiler
     cells: tuple[int, ...] = eqx.field(static=True)
-    before: tuple[int, ...] = eqx.field(static=True)  # cells added in front of each axis and behind it
+    before: tuple[int, ...] = eqx.field(static=True)  # cells added in front of each axis, and behind it
     behind: tuple[int, ...] = eqx.field(static=True)
     periodic: tuple[bool, ...] = eqx.field(static=True)
     margin: int = eqx.field(static=True)
-    block: int = eqx.field(static=True)
     flat: int = eqx.field(static=True)
 
     @staticmethod
@@ -151,9 +132,6 @@ class GridWalk(eqx.Module):
         behind = tuple(int(r) if p or axis else 0 for axis, (r, p) in enumerate(zip(reach, grid.periodic, strict=True)))
         padded = [n + b + e for n, b, e in zip(grid.cells, before, behind, strict=True)]
         stride = np.append(np.cumprod(padded[:0:-1])[::-1], 1)
-        size = int(np.prod(padded))
-        blocks = -(-size // BLOCK)
-        block = -(-size // blocks)
         real = fams.dtype
         spacing = jnp.asarray(fams.spacing, real)
         walk = GridWalk(
@@ -169,8 +147,7 @@ class GridWalk(eqx.Module):
             behind,
             grid.periodic,
             int(np.abs(offsets @ stride).max(initial=0)),
-            block,
-            blocks * block,
+            math.prod(padded),
         )
         filled = walk.embed(jnp.ones((len(fams), 1), real))[0]
         return eqx.tree_at(lambda w: w.filled, walk, filled)
@@ -181,30 +158,21 @@ class GridWalk(eqx.Module):
     def volumes(self) -> Array:
         return self.cell * self.filled
 
-    @property
-    def blocks(self) -> int:
-        return self.flat // self.block
-
     def embed(self, x: Array) -> Array:
         """(points, components) → (components, flat); 0 where there is no point."""
-        x = x.T
-        if self.sites is not None:
-            x = jnp.zeros((x.shape[0], int(np.prod(self.cells))), x.dtype).at[:, self.sites].set(x)
-        x = x.reshape(x.shape[0], *self.cells)
+        x = to_cells(x, self.cells, self.sites)
         for axis, (b, e, wraps) in enumerate(zip(self.before, self.behind, self.periodic, strict=True)):
             width = [(0, 0)] * x.ndim
             width[axis + 1] = (b, e)
             x = jnp.pad(x, width, mode="wrap" if wraps else "constant")
-        x = x.reshape(x.shape[0], math.prod(x.shape[1:]))
-        return jnp.pad(x, ((0, 0), (0, self.flat - x.shape[1])))
+        return x.reshape(x.shape[0], self.flat)
 
     def collect(self, x: Array) -> Array:
         """(components, flat) → (points, components)."""
         padded = [n + b + e for n, b, e in zip(self.cells, self.before, self.behind, strict=True)]
-        x = x[:, : int(np.prod(padded))].reshape(x.shape[0], *padded)
+        x = x.reshape(x.shape[0], *padded)
         x = x[(slice(None), *(slice(b, b + n) for n, b in zip(self.cells, self.before, strict=True)))]
-        x = x.reshape(x.shape[0], math.prod(self.cells)).T
-        return x if self.sites is None else x[self.sites]
+        return from_cells(x, self.sites)
 
     def renew(self, x: Array) -> Array:
         """What was computed cell by cell, made right at the copies of a periodic edge and 0 where there is no point."""
@@ -213,35 +181,34 @@ class GridWalk(eqx.Module):
         return jnp.where(self.filled > 0, x, 0.0)
 
     def open(self, x: Array) -> Array:
-        """With a margin on both sides, to be read by `here` and `far`."""
-        return jnp.pad(x, [(0, 0)] * (x.ndim - 1) + [(self.margin, self.margin)])
+        """A row (flat,) with a margin on both sides, to be read by `here` and `far`."""
+        return jnp.pad(x, self.margin)
 
-    def here(self, x: Array, c) -> Array:
-        """(…, flat) → (…, block), of an array without margin or with it."""
-        start = self.margin if x.shape[-1] > self.flat else 0
-        return jax.lax.dynamic_slice_in_dim(x, start + c * self.block, self.block, axis=-1)
+    def here(self, x: Array) -> Array:
+        """An opened array without its margins."""
+        return x[self.margin : self.margin + self.flat]
 
     @staticmethod
     def dear(*read: Array) -> list:
         """What is costly to read again: nothing."""
         return []
 
-    def far(self, x: Array, c, slot: Slot) -> Array:
-        return jax.lax.dynamic_slice_in_dim(x, self.margin + c * self.block + slot.at, self.block, axis=-1)
+    def far(self, x: Array, slot: Slot) -> Array:
+        """An opened array at the far ends of one slot."""
+        return jax.lax.dynamic_slice_in_dim(x, self.margin + slot.at, self.flat)
 
     def numbers(self, pairs: bool) -> np.ndarray:
         """Of every offset, or of one of each pair of opposite ones; as for `SlotWalk`."""
         return _steps(len(self.shifts) // 2, False) if pairs else _steps(len(self.shifts), self.flat > 4096)
 
-    def slot(self, number: Array, c) -> Slot:
-        return Slot(
-            self.shifts[number], [self.xi[number, k] for k in range(self.xi.shape[1])], self.omega[number], None
-        )
+    def slot(self, number: Array) -> Slot:
+        """One slot of the walk."""
+        xi = [self.xi[number, k] for k in range(self.xi.shape[1])]
+        return Slot(self.shifts[number], xi, self.omega[number], None)
 
     def returned(self, x: Array, slot: Slot) -> Array:
         """What every point finds at the other end of the opposite bond: x at −offset, 0 beyond."""
-        padded = jnp.pad(x, (self.margin, self.margin))
-        return jax.lax.dynamic_slice_in_dim(padded, self.margin - slot.at, self.flat)
+        return jax.lax.dynamic_slice_in_dim(self.open(x), self.margin - slot.at, self.flat)
 
 
 Walk = SlotWalk | GridWalk
