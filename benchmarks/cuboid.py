@@ -1,9 +1,5 @@
-"""The paper's cuboid: who survives how far, and did the symbol say so?
-
-A 4 × 1 × 1 body is pulled and pushed at a constant rate. Alternation between neighbours (¼ second differences, root
-mean square, over h) tells when a run goes bad; its onset is where it passes ONSET. The prediction is linear: the
-alternation at START, times exp ∫ γ dt with the growth rate γ = √(λ_max/ρ) of the symbol on the path of uniaxial stress,
-and of the alternating modes of the body's own Jacobian in the homogeneous state of that stress.
+"""The cuboid beyond the paper's figure (`pdjax paper --figure cuboid`): Silling's model, other rates and orders, and
+the growth rates of the body's own Jacobian beside the symbol's, in the homogeneous state of uniaxial stress.
 """
 
 import jax
@@ -17,59 +13,13 @@ import pdjax as pd
 from pdjax._run_motions import roughness
 from pdjax.bench.harness import write
 from pdjax.figures import COLOURS
+from pdjax.paper.cuboid import LAW, ONSET, START, STRAINS, growth, predicted, pull
 from pdjax.reduced import matrix
 
 jax.config.update("jax_enable_x64", True)
-LAW = pd.LinearElastic(lam=1.0, mu=1.0)
-MODULUS = 2.5  # Young's, for lam = mu = 1
 FAMILY = pd.lattice_family(3, 3)
-ONSET, START = 3e-2, 1e-2  # alternation over h; strain from which the prediction runs
 BEAR = (0.75, 1.0, 1.5, 2.0)  # orders whose critical tension is found
 ALTERNATES = 0.25  # alternation of a mode over its size: measured 0.5 and more, or 0.06 and less
-STRAINS = np.array([0.002, 0.005, 0.01, 0.02, 0.04, 0.07, 0.1])
-
-
-def pull(model, strain: float, rate: float, shape, halved: bool = False) -> dict:
-    """One run: strains, force, alternation of each component, onset."""
-    motion = pd.scenes.cuboid(shape, 3, strain, rate, model)
-    body = motion.scene.body
-    h = body.spacing
-    dt = 0.8 * pd.critical_time_step(motion) / (2 if halved else 1)
-    steps = int(np.ceil(motion.duration / dt / 100)) * 100
-    history = pd.simulate(
-        motion,
-        dt=motion.duration / steps,
-        save_every=steps // 100,
-        observers={"force": pd.observers.section_force(body, 0.5 * h * shape[0])},
-        show_progress=False,
-    )
-    reached = strain * np.minimum(history.times / motion.duration, 1)
-    rough = np.array([roughness(history.u, shape, k) / h for k in range(3)])
-    worst = rough.max(axis=0)
-    over = np.flatnonzero(worst > ONSET)
-    last = np.asarray(history.u[-1])
-    print(f"{strain:+g} rate {rate:g}: {history}", flush=True)
-    return {
-        "strain": reached.tolist(),
-        "force over E0 A": (history.observed["force"][:, 0] / (MODULUS * h**2 * shape[1] * shape[2])).tolist(),
-        "alternation over h": {axis: rough[k].tolist() for k, axis in enumerate("xyz")},
-        "onset": float(reached[over[0]]) if len(over) else None,
-        "reached": float(reached[-1]),
-        "finished": history.finished,
-        "reason": history.reason,
-        "steps": int(history.steps),
-        "energy error": float(np.abs(history.energies.error).max()),
-        "_u": last,
-    }
-
-
-def growth(model, sign: float, strains=STRAINS) -> np.ndarray:
-    """γ of the symbol along uniaxial stress, spacing 1."""
-    rates = []
-    for strain in sign * np.asarray(strains):
-        found = pd.stability(model, FAMILY, pd.uniaxial_stress(strain, model, FAMILY))
-        rates.append(max(float(found.eigenvalue), 0.0) ** 0.5 if found.verdict == "unstable" else 0.0)
-    return np.array(rates)
 
 
 def growth_of_body(model, sign: float, shape) -> tuple[np.ndarray, np.ndarray]:
@@ -99,19 +49,6 @@ def growth_of_body(model, sign: float, shape) -> tuple[np.ndarray, np.ndarray]:
         print(f"body at {strain:+g}: {values}, alternating {rough}", flush=True)
     alternating, smooth = np.array(rates).T
     return alternating, smooth
-
-
-def predicted(run: dict, rates: np.ndarray, rate: float, per_side: float = 1.0) -> tuple[np.ndarray, float | None]:
-    """Alternation over strain by linear growth, and the strain at which it passes ONSET."""
-    strain = np.abs(run["strain"])
-    gamma = per_side * np.interp(strain, np.r_[0.0, STRAINS], np.r_[0.0, rates])
-    exponent = np.concatenate([[0], np.cumsum(0.5 * (gamma[1:] + gamma[:-1]) * np.diff(strain))]) / rate
-    worst = np.max(list(run["alternation over h"].values()), axis=0)
-    first = int(np.searchsorted(strain, START))
-    with np.errstate(over="ignore"):
-        curve = worst[first] * np.exp(exponent - exponent[first])
-    over = np.flatnonzero((curve > ONSET) & (np.arange(len(curve)) > first))
-    return curve, float(strain[over[0]]) if len(over) else None
 
 
 def take_off(run: dict, rates: np.ndarray, rate: float) -> dict | None:

@@ -16,7 +16,6 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from cuboid import ONSET
 from matplotlib.figure import Figure
 
 import pdjax as pd
@@ -25,6 +24,7 @@ from pdjax.bench.harness import machine, results, write
 from pdjax.criteria.flutter import growth_square
 from pdjax.kinematics import seth_hill
 from pdjax.models.catalogue import CATALOGUE
+from pdjax.paper.cuboid import ONSET
 from pdjax.reduced import matrix
 
 jax.config.update("jax_enable_x64", True)

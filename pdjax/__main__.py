@@ -1,4 +1,4 @@
-"""The command line: `pdjax map`, `critical`, `symbol`, `atlas`, `bench`, `run SCENE` (the same as `python -m pdjax`).
+"""The command line: `pdjax map`, `critical`, `symbol`, `atlas`, `bench`, `run SCENE`, `paper` (or `python -m pdjax`).
 
 Thin: it reads arguments, asks the package, prints and draws. Numbers are float64, for their signs are the product.
 """
@@ -20,6 +20,7 @@ from ._run import add_run, run
 from ._run_atlas import add_atlas, run_atlas
 from ._run_bench import add_bench, run_bench
 from ._run_motions import Job
+from ._run_paper import add_paper, run_paper
 
 _EPILOG = """examples
   pdjax map                                     the default map: 2D, N = 3, orders m in [-2, 2], |a| up to 30 %
@@ -33,6 +34,7 @@ _EPILOG = """examples
   pdjax run step-bar --strain=-0.001            the paper's step-size bar at one strain
   pdjax run cuboid --m 0                        the paper's cuboid, pulled and pushed, explicit in time
   pdjax run wave --a=-0.01 --j 20               the wave at the zone's edge of a compressed bar, which grows
+  pdjax paper --quick                           every figure and claim of the paper, tried; reduced sizes
 """
 
 
@@ -117,6 +119,7 @@ def _parser() -> argparse.ArgumentParser:
     add_atlas(jobs, formatter)
     add_bench(jobs, formatter)
     add_run(jobs, formatter)
+    add_paper(jobs, formatter)
     return parser
 
 
@@ -280,7 +283,7 @@ def _symbol(arguments) -> Job:
         title = f"m = {arguments.m:g}, {arguments.path} a = {arguments.a:g}, {arguments.dim}D, N = {arguments.N:g}: "
         ticks = arc[np.minimum(80 * np.arange(len(corners)), len(arc) - 1)]
         names = [name for name, _ in _CORNERS[arguments.dim]]
-        write_picture(pd.figures.dispersion(arc, values, ticks, names, title + result.verdict), picture)
+        write_picture(pd.figures.dispersion(arc, values, ticks, names, f"{title}{result.verdict}"), picture)
         return f"wrote {picture}"
 
     return out, None if picture is None else files
@@ -314,9 +317,9 @@ def main(argv: list[str] | None = None) -> int:
         _keep_compiled(jax)
         jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.2)
     jobs = {"map": _map, "critical": _critical, "symbol": _symbol, "atlas": run_atlas, "bench": run_bench, "run": run}
-    job = jobs[arguments.job]
+    jobs["paper"] = run_paper
     try:
-        out, files = job(arguments)
+        out, files = jobs[arguments.job](arguments)
         if arguments.json:
             print(json.dumps(_plain(out)), flush=True)
         wrote = files() if files is not None else ""

@@ -61,6 +61,43 @@ def _say(what: str, result, error: float) -> str:
     return "\n".join(lines)
 
 
+def singular_curves(scene, stress: float, alpha: float = 10.0) -> dict[str, np.ndarray]:
+    """The two closed forms of the singular bar by name, u (points,)."""
+    import pdjax as pd
+
+    x = scene.body.positions[:, 0]
+    printed = pd.closed_forms.singular_bar_displacement(x, 1.0, stress, alpha)
+    return {
+        "nonlinear local solution": np.asarray(scene.closed_form)[:, 0],
+        "printed, small strain": np.asarray(printed),
+    }
+
+
+def bar_case(scene, result, what: str, value: float, curves: dict[str, np.ndarray]):
+    """One solved bar: its column of the figure, and what was found as a dictionary."""
+    import pdjax as pd
+
+    x, u, known = scene.body.positions[:, 0], np.asarray(result.u)[:, 0], np.asarray(scene.closed_form)[:, 0]
+    own = result.stability
+    row = {
+        "load": value,
+        "converged": result.converged,
+        "reason": result.reason,
+        "iterations": int(result.iterations),
+        "residual": result.residual,
+        "kind": result.kind,
+        "eigenvalue": None if own is None else own.eigenvalue,
+        "positive": None if own is None else own.positive,
+        "turned": int(result.turned),
+        "distance": float(np.linalg.norm(u - known) / np.linalg.norm(known)),
+    }
+    short = result.kind if result.converged else "not converged"
+    mode = None if own is None else np.asarray(own.mode)[:, 0]
+    verdict = "" if own is None else f"λ = {own.eigenvalue:+.3g}, {own.positive} positive".replace("-", "−")
+    case = pd.figures.BarCase(f"{what}: {short}", x, u, curves or {"homogeneous": known}, value, value, mode, verdict)
+    return case, row
+
+
 def run(arguments) -> Job:
     """Solve or run the scene asked for, judge it; what was found as a dictionary, and what writes the files."""
     return {"cuboid": run_cuboid, "wave": run_wave}.get(arguments.scene, _bars)(arguments)
@@ -84,37 +121,19 @@ def _bars(arguments) -> Job:
             else:
                 scene = pd.scenes.step_size_bar(arguments.n, arguments.N, value, model=model)
             result = pd.solve(scene, arguments.method, smallest_step=1.0)
-            x, u, known = scene.body.positions[:, 0], np.asarray(result.u)[:, 0], np.asarray(scene.closed_form)[:, 0]
-            error = float(np.linalg.norm(u - known) / np.linalg.norm(known))
-            curves = {"nonlinear local solution" if singular else "homogeneous": known}
-            if singular:
-                curves["printed, small strain"] = np.asarray(
-                    pd.closed_forms.singular_bar_displacement(x, 1.0, value, arguments.alpha)
-                )
             what = f"{name}, {'σ/E₀' if singular else 'strain'} = {value:g}"
-            short = result.kind if result.converged else "not converged"
-            cases.append(pd.figures.BarCase(f"{what}: {short}", x, u, curves, value, value))
-            key = f"{name} {value:g}"
-            arrays |= {f"{key} u": u, f"{key} known": known, f"{key} residuals": result.residuals, f"{key} x": x}
-            if result.stability is not None:
-                arrays[f"{key} mode"] = result.stability.mode[:, 0]
-            rows.append(
-                {
-                    "model": name,
-                    "load": value,
-                    "converged": result.converged,
-                    "reason": result.reason,
-                    "iterations": int(result.iterations),
-                    "residual": result.residual,
-                    "kind": result.kind,
-                    "eigenvalue": None if result.stability is None else result.stability.eigenvalue,
-                    "positive": None if result.stability is None else result.stability.positive,
-                    "turned": int(result.turned),
-                    "distance": error,
-                }
+            case, row = bar_case(
+                scene, result, what, value, singular_curves(scene, value, arguments.alpha) if singular else {}
             )
+            cases.append(case)
+            key = f"{name} {value:g}"
+            arrays |= {f"{key} u": case.u, f"{key} known": np.asarray(scene.closed_form)[:, 0], f"{key} x": case.x}
+            arrays[f"{key} residuals"] = result.residuals
+            if case.mode is not None:
+                arrays[f"{key} mode"] = case.mode
+            rows.append({"model": name, **row})
             if not arguments.json:
-                print(_say(what, result, error))
+                print(_say(what, result, row["distance"]))
     names = ("E₀ u / (σ L)  [–]", "E₀ ε / σ  [–]") if singular else ("u / (strain · L)  [–]", "ε / strain  [–]")
     title = f"{arguments.scene}, {arguments.n} points, N = {arguments.N:g}, m = {arguments.m:g}, {arguments.method}"
 

@@ -141,7 +141,7 @@ def test_diagonal_1d_is_exact(N, m):
 
 
 def test_critical_loads_1d():
-    """Remark 3's two numbers, and roots of the reference's own diagonal."""
+    """Remark 4's two numbers, and roots of the reference's own diagonal."""
     assert round(float(cf.critical_load_1d(1.0, 1)), 3) == -0.184
     assert round(float(cf.critical_load_1d(1.0, 3)), 3) == -0.074
     for m, N, low, high in (
@@ -369,7 +369,7 @@ def test_chain_2d():
     for law, size in itertools.product(("bulk", "symmetric"), range(5)):
         for slips in itertools.combinations(("S1", "S2", "S3", "S4"), size):
             assert round(float(cf.critical_load_2d(1.0, 3, slips, law)), 3) != -0.037
-    # It is half the 1D value, with which Remark 4 compares it.
+    # It is half the 1D value, with which Remark 5 compares it.
     assert round(float(cf.critical_load_1d(1.0, 3)) / 2, 3) == -0.037
 
 
@@ -382,11 +382,11 @@ def test_criteria_2d_inequality_and_hencky_branch():
     assert abs(cf.bracket_2d(a, 0.0, 3, "printed") - (1 + 6 * np.pi * np.log(0.7))) < 1e-13  # 9e-16
     assert cf.bracket_2d(a, 0.0, 3) == 1
     for load in (-0.9, -0.3, 5.0):
-        assert moved_centre(2, 3, load, 0.0, 1.0, 1.0) < 0  # Remark 6 holds for the 2D diagonal
+        assert moved_centre(2, 3, load, 0.0, 1.0, 1.0) < 0  # Remark 7 holds for the 2D diagonal
     assert moved_centre(3, 2, -0.1, 0.0, 1.0, 1.0) > 0  # 0.087: but not in 3D, where Γ(0) > 0 (S11)
     assert abs(cf.critical_load_2d(0.0, 3, "printed") - np.expm1(-1 / (6 * np.pi))) < 1e-15  # 0
     assert np.isposinf(cf.critical_load_2d(0.0, 3))
-    # Remark 6's window m < 0: the load is large near 0 but finite, here e^{1.77} − 1.
+    # Remark 7's window m < 0: the load is large near 0 but finite, here e^{1.77} − 1.
     load = float(cf.critical_load_2d(-0.005, 3))
     assert abs(load - brentq(lambda a: moved_centre(2, 3, a, -0.005, 0.5, 0.0), 1, 20)) < 1e-9  # 4e-13
     assert 4.8 < load < 5.0

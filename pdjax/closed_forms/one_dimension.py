@@ -48,7 +48,7 @@ def critical_load_1d(m, N):
     2N/(4N + 1) ≤ m ≤ 1/2.
 
     Arguments: m (...) [-]; N whole number. Returns: (...) [-]. Raises: ValueError for N.
-    Source: the criteria after eqn:S1d; Remark 3 quotes −0.184 (m = 1, N = 1) and −0.074 (N = 3).
+    Source: the criteria after eqn:S1d; Remark 4 quotes −0.184 (m = 1, N = 1) and −0.074 (N = 3).
     """
     N = check_ratio(N, whole=True)
     slope = 4 * N * (2 * jnp.asarray(m, dtype=jnp.result_type(m, float)) - 1)

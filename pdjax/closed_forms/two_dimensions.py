@@ -232,7 +232,7 @@ def chain_2d(m=1.0, N=3, law="bulk", order: Collection[str] = ("S13", "S14", "S4
 
     Arguments: m () [-]; N; law; order of the corrections. Returns: list of `Step`, the first with slip
     "printed", the last exact for the lattice if all are corrected. Raises: ValueError for N, law, order.
-    Source: Remark 4 quotes −0.037 for m = 1, N = 3, which is no row of this table (S5).
+    Source: Remark 5 quotes −0.037 for m = 1, N = 3, which is no row of this table (S5).
     """
     steps: list[Step] = []
     done: tuple[str, ...] = ()

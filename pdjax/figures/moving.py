@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.animation import FFMpegWriter, FuncAnimation, PillowWriter
-from matplotlib.figure import Figure
+from matplotlib.figure import Figure, SubFigure
 
 from .._checks import moved_whole
 from ..dynamics.history import History
@@ -32,25 +32,31 @@ class Branch(NamedTuple):
     zero: np.ndarray | None = None
 
 
-def dispersion_curves(panels: dict[str, Sequence[Branch]], title: str, highest: float | None = None) -> Figure:
+def dispersion_curves(
+    panels: dict[str, Sequence[Branch]],
+    title: str,
+    highest: float | None = None,
+    on: Figure | SubFigure | None = None,
+) -> Figure | SubFigure:
     """ω(k) of several models or branches, one panel a name; zero-energy modes are ringed.
 
-    Arguments: panels: title → branches, k h in units of π [-], ω h/c [-]; highest: top of the vertical axis.
+    Arguments: panels: title → branches, k h in units of π [-], ω h/c [-]; highest: top of the vertical axis; on: a
+        part of a figure to draw in, a new one by default.
     """
-    figure = Figure(figsize=(4.6 * len(panels) + 0.4, 4.6), layout="constrained")
+    figure = Figure(figsize=(4.6 * len(panels) + 0.4, 4.6), layout="constrained") if on is None else on
     axes = figure.subplots(1, len(panels), sharey=True, squeeze=False)[0]
-    for on, (name, branches) in zip(axes, panels.items(), strict=True):
+    for panel, (name, branches) in zip(axes, panels.items(), strict=True):
         colour = 0
         for branch in branches:
             shade = "#888888" if branch.name == "classical" else PALETTE[colour % len(PALETTE)]
             colour += branch.name != "classical"
-            on.plot(branch.k, branch.omega, branch.style, color=shade, linewidth=1.4, label=branch.name)
+            panel.plot(branch.k, branch.omega, branch.style, color=shade, linewidth=1.4, label=branch.name)
             if branch.zero is not None and branch.zero.any():
                 at = branch.k[branch.zero]
-                on.plot(at, np.zeros_like(at), "o", mfc="none", mec=PALETTE[2], ms=8, clip_on=False, zorder=5)
-        on.set_title(name, fontsize=10)
-        on.set_xlabel("wave number  k h / π  [–]")
-        on.set_xlim(branches[0].k[0], branches[0].k[-1])
+                panel.plot(at, np.zeros_like(at), "o", mfc="none", mec=PALETTE[2], ms=8, clip_on=False, zorder=5)
+        panel.set_title(name, fontsize=10)
+        panel.set_xlabel("wave number  k h / π  [–]")
+        panel.set_xlim(branches[0].k[0], branches[0].k[-1])
     axes[0].set_ylabel("frequency  Re ω h / c  [–]")
     axes[0].set_ylim(0, highest)
     handles, words = axes[0].get_legend_handles_labels()

@@ -10,7 +10,7 @@ import matplotlib.patches
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap
-from matplotlib.figure import Figure
+from matplotlib.figure import Figure, SubFigure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter
 
@@ -154,7 +154,8 @@ def stability_map(grid: StabilityMap, horizon: int = 0) -> Figure:
 class BarCase(NamedTuple):
     """One column of `bars`: a bar's displacement u (points,) at x (points,), known solutions by name, units of both.
 
-    u is shown over `unit` [length], strains over `strain_unit` [-].
+    u is shown over `unit` [length], strains over `strain_unit` [-]; mode (points,) or None: that of the largest
+    eigenvalue of the bar's Jacobian there, drawn below with the words of its verdict.
     """
 
     title: str
@@ -163,21 +164,28 @@ class BarCase(NamedTuple):
     known: dict[str, np.ndarray]
     unit: float
     strain_unit: float
+    mode: np.ndarray | None = None
+    verdict: str = ""
 
 
-def bars(cases: Sequence[BarCase], title: str, names: tuple[str, str]) -> Figure:
+def bars(
+    cases: Sequence[BarCase], title: str, names: tuple[str, str], on: Figure | SubFigure | None = None
+) -> Figure | SubFigure:
     """Displacement (above) and strain between neighbouring points (below) of 1D bars, one column a case.
 
-    Arguments: names of the two vertical axes, with their units. A difference of neighbours shows what an average
-    over the family hides: alternating points.
+    Arguments: names of the two vertical axes, with their units; on: a part of a figure to draw in, a new one by
+    default. A difference of neighbours shows what an average over the family hides: alternating points.
     """
-    columns = len(cases)
-    figure = Figure(figsize=(4.2 * columns + 0.6, 6.0), layout="constrained")
-    axes = figure.subplots(2, columns, sharex="col", squeeze=False)
+    columns, with_modes = len(cases), any(case.mode is not None for case in cases)
+    if on is None:
+        on = Figure(figsize=(4.2 * columns + 0.6, 8.0 if with_modes else 6.0), layout="constrained")
+    figure = on
+    ratios = (3, 3, 1.6) if with_modes else (1, 1)
+    axes = figure.subplots(len(ratios), columns, sharex="col", squeeze=False, height_ratios=ratios)
     for column, case in enumerate(cases):
         h = np.diff(case.x)
         middle = case.x[:-1] + h / 2
-        upper, lower = axes[:, column]
+        upper, lower = axes[:2, column]
         upper.plot(case.x, case.u / case.unit, color=COLOURS["diagonal"], linewidth=1.2, label="pdjax")
         strains = [np.diff(case.u) / h / case.strain_unit]
         lower.plot(middle, strains[0], color=COLOURS["diagonal"], linewidth=1.0)
@@ -189,10 +197,13 @@ def bars(cases: Sequence[BarCase], title: str, names: tuple[str, str]) -> Figure
         if high - low < 0.2:  # rounding is not to be looked at
             lower.set_ylim(low - 0.1, high + 0.1)
         upper.set_title(case.title, fontsize=9)
-        lower.set_xlabel("position x / L  [–]")
-        if column == 0:
-            upper.set_ylabel(names[0])
-            lower.set_ylabel(names[1])
+        if case.mode is not None:
+            size = np.abs(case.mode).max()
+            axes[2, column].plot(case.x, case.mode / size, color=COLOURS["symbol"], linewidth=0.8)
+            axes[2, column].set_title(case.verdict, fontsize=9)
+        axes[-1, column].set_xlabel("position x / L  [–]")
+    for on_left, name in zip(axes[:, 0], (*names, "mode of the largest\neigenvalue  [–]"), strict=False):
+        on_left.set_ylabel(name)
     handles, words = axes[0, 0].get_legend_handles_labels()
     figure.legend(handles, words, loc="outside lower center", ncols=4, fontsize=9, frameon=False)
     figure.suptitle(title, fontsize=11)

@@ -1,0 +1,158 @@
+"""Critical loads of m = 1 against the horizon, as quoted, printed, by the exact diagonal and by the symbol.
+
+In 1D the diagonal is printed right. In 2D each slip of the printed criterion is repaired in turn, at N = 3, for the two
+simple laws that fit the paper's S = κE under hydrostatic load: "bulk", S = ½κ tr(E) I, and "symmetric", S = κE.
+"""
+
+import itertools
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from matplotlib.figure import Figure
+from scipy.optimize import brentq
+
+import pdjax as pd
+
+from .. import closed_forms as cf
+from ..figures import COLOURS
+from ..kinematics import seth_hill
+from ._common import family, linear, of_order, sizes
+
+QUOTED_1D, QUOTED_2D = {1: -0.184, 3: -0.074}, -0.037
+LAWS = {
+    "bulk": linear(0.5, 0.0),
+    "symmetric": linear(0.0, 0.5),
+    "λ = μ = 1": linear(1.0, 1.0),
+}
+STYLE = {"bulk": ":", "symmetric": "--", "λ = μ = 1": "-"}
+CONSTANTS = {"bulk": (0.5, 0.0), "symmetric": (0.0, 0.5), "λ = μ = 1": (1.0, 1.0)}
+
+
+def diagonal_root_1d(N: int, reach: int) -> float:
+    """Where ∂f/∂x of the bar vanishes, by autodiff, m = 1."""
+    fam, model, block = family(1, N, reach), of_order(1.0, LAWS["symmetric"]), eqx.filter_jit(pd.center_block)
+    return brentq(lambda a: float(block(model, fam, (1 + a) * np.eye(1))[0, 0]), -0.5, 0, xtol=1e-14)
+
+
+def fails_at_once(dim: int, N: int, reach: int) -> bool:
+    """Whether the symbol of m = 1 is unstable under a compression of a millionth."""
+    model = of_order(1.0, LAWS["λ = μ = 1"] if dim > 1 else LAWS["symmetric"])
+    return pd.stability(model, family(dim, N, reach), (1 - 1e-6) * np.eye(dim)).verdict == "unstable"
+
+
+def q_of_general_formula() -> float:
+    """q of the criterion 1 + q [1 − (1 + a)^{−2m}], read off the paper's own general 2D formula, N = 3."""
+
+    @jax.jit
+    def general(a):
+        stress, pair = seth_hill(jnp.log1p(a), 1.0) * jnp.eye(2), jnp.einsum("ij,kl->ijkl", jnp.eye(2), jnp.eye(2))
+        return cf.jacobian_2d_hydrostatic(a, 1.0, 3, stress, pair, 1.0, "printed")[0, 0]
+
+    a = -0.07
+    return float((general(a) / general(0.0) / (1 + a) ** 2 - 1) / (1 - (1 + a) ** -2))
+
+
+def reachable_loads() -> list[float]:
+    """a_cr of every set of repairs, with either law, to three digits: 2D, m = 1, N = 3."""
+    subsets = [s for n in range(5) for s in itertools.combinations(("S1", "S2", "S3", "S4"), n)]
+    return sorted(
+        {round(float(cf.critical_load_2d(1.0, 3, s, law)), 3) for s in subsets for law in ("bulk", "symmetric")}
+    )
+
+
+def slips_2d() -> dict:
+    """Numbers of the steps from the printed 2D criterion to the exact one, N = 3."""
+    fam = pd.lattice_family(2, 3)
+    stiffness = {k: float(np.einsum("iijj->", jax.hessian(LAWS[k].energy)(0.05 * jnp.eye(2)))) for k in CONSTANTS}
+    diagonal = {
+        name: float(pd.critical_load(of_order(1.0, law), fam, criterion="diagonal")) for name, law in LAWS.items()
+    }
+    chain = {law: [(s.slip, s.q, float(s.load)) for s in cf.chain_2d(1.0, 3, law=law)] for law in ("bulk", "symmetric")}
+    hencky = pd.critical_load(of_order(0.0, LAWS["λ = μ = 1"]), fam, criterion="diagonal", side="negative")
+    block = np.asarray(pd.center_block(of_order(1.0, LAWS["λ = μ = 1"]), fam, 0.95 * np.eye(2)))
+    return {
+        "bonds": len(fam.xi),
+        "sum of 1/p², exact": float(jnp.sum(1 / jnp.sum(fam.xi**2, axis=1))),
+        "sum of 1/p², printed": cf.lattice_sums_2d(3, "printed").s00,
+        "I : dS/dE : I of S = κE over κ": stiffness,
+        "q of the general formula": q_of_general_formula(),
+        "chain": chain,
+        "diagonal by autodiff": diagonal,
+        "reachable": reachable_loads(),
+        "at rest": {form: bool(cf.satisfies_criterion_2d(0.0, 1.0, 3, form)) for form in ("printed", "corrected")},
+        "at rest, by autodiff": pd.stability(of_order(1.0, LAWS["λ = μ = 1"]), fam, np.eye(2), "diagonal").verdict,
+        "m = 0": {form: float(cf.critical_load_2d(0.0, 3, form)) for form in ("printed", "corrected")},
+        "m = 0, by autodiff": float(hencky),
+        "block is a multiple of I to": float(abs(block - block[0, 0] * np.eye(2)).max() / abs(block[0, 0])),
+    }
+
+
+def make(quick: bool) -> tuple[dict, Figure]:
+    """The sheet `a-cr`."""
+    horizons = (1, 2, 3) if quick else (1, 2, 3, 4, 5, 6)
+    planes = [N for N in horizons if N > 1]
+    line = {N: diagonal_root_1d(N, max(horizons)) for N in horizons}
+    plane = {name: {N: float(cf.lattice_critical_load(1.0, 2, N, *c)) for N in planes} for name, c in CONSTANTS.items()}
+    numbers = {
+        "1D diagonal": line,
+        "1D diagonal, printed": {N: float(cf.critical_load_1d(1.0, N)) for N in horizons},
+        "1D symbol fails at once": {N: fails_at_once(1, N, max(horizons)) for N in horizons},
+        "2D diagonal": plane,
+        "2D diagonal, printed": {N: float(cf.critical_load_2d(1.0, N, "printed")) for N in planes},
+        "2D symbol fails at once": {N: fails_at_once(2, N, max(planes)) for N in planes},
+        "diagonal of λ = μ = 1, N = 3": {
+            f"{dim}D": float(cf.lattice_critical_load(1.0, dim, 3, 1.0, 1.0)) for dim in (1, 2, 3)
+        },
+        "order above which compression fails at once, N = 3": {
+            f"{dim}D": float(cf.hydrostatic_thresholds(dim, 3)[0]) for dim in (1, 2, 3)
+        },
+        "2D, N = 3": slips_2d(),
+    }
+    return numbers, draw(numbers, quick)
+
+
+def _loads(axes, values: dict, colour: str, style: str, label: str) -> None:
+    axes.plot(list(values), [100 * a for a in values.values()], style, color=colour, markersize=5, label=label)
+
+
+def draw(numbers: dict, quick: bool) -> Figure:
+    """1D and 2D critical loads over N, and the chain of repairs at N = 3."""
+    figure = Figure(figsize=(13.4, 4.6), layout="constrained")
+    left, middle, right = figure.subplots(1, 3)
+    _loads(left, numbers["1D diagonal, printed"], COLOURS["printed"], "--", "diagonal, as printed")
+    _loads(left, numbers["1D diagonal"], COLOURS["diagonal"], "o", "diagonal, by autodiff")
+    _loads(middle, numbers["2D diagonal, printed"], COLOURS["printed"], "--", "diagonal, as printed")
+    for name, values in numbers["2D diagonal"].items():
+        _loads(middle, values, COLOURS["diagonal"], STYLE[name] + "o", f"diagonal, exact: {name}")
+    for on, dim, quoted in ((left, "1D", QUOTED_1D), (middle, "2D", {3: QUOTED_2D})):
+        at_once = {N: 0.0 for N, yes in numbers[f"{dim} symbol fails at once"].items() if yes}
+        _loads(on, at_once, COLOURS["symbol"], "-s", "symbol (exact): 0")
+        on.plot(
+            list(quoted), [100 * a for a in quoted.values()], "o", mfc="none", mec="#0072B2", mew=1.8, ms=12,
+            label="quoted in the paper",
+        )  # fmt: skip
+        on.set_title(f"{dim}, m = 1: the compression that destabilises", fontsize=10)
+        on.set_xlabel("horizon over spacing N  [–]")
+        on.set_ylabel("critical load a_cr  [%]")
+        on.set_xticks(list(at_once))
+        on.legend(fontsize=8, frameon=False, loc="lower right")
+    middle.set_ylim(-12, 0.6)
+    chain = numbers["2D, N = 3"]["chain"]
+    for law, steps in chain.items():
+        y = [100 * step[2] for step in steps]
+        right.plot(range(len(y)), y, "o" + STYLE[law], color=COLOURS["diagonal"], markersize=5, label=f"law {law}")
+        exact = 100 * numbers["2D, N = 3"]["diagonal by autodiff"][law]
+        right.plot(len(y) - 1, exact, "o", mfc="none", mec=COLOURS["symbol"], mew=1.4, ms=12)
+    right.plot([], [], "o", mfc="none", mec=COLOURS["symbol"], mew=1.4, ms=10, label="diagonal, by autodiff")
+    right.axhline(100 * QUOTED_2D, color="#0072B2", linewidth=1.2, linestyle="-.", label="quoted in the paper")
+    right.set_xticks(range(len(steps)), _STEPS, fontsize=8, rotation=35, ha="right")
+    right.set_title("2D, N = 3: the printed criterion, repaired step by step", fontsize=10)
+    right.set_ylabel("critical load a_cr  [%]")
+    right.legend(fontsize=8, frameon=False, loc="lower left", bbox_to_anchor=(0.0, 0.02))
+    figure.suptitle(f"Critical loads of order m = 1{sizes(quick)}", fontsize=11)
+    return figure
+
+
+_STEPS = ("printed", "inequality", "m = 0 branch", "2πN → πN", "volume N²", "law's tangent", "finite sums")

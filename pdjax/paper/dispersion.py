@@ -1,0 +1,93 @@
+"""Dispersion at a tiny and at a large amplitude, the symbol's beside it, and whether the second is a motion.
+
+u = u₀ exp i(kX − ωt) in the equation of motion, ω read at X = t = 0, real part drawn. For small u₀ it is the symbol's
+frequency, whatever the order. A frequency of a motion depends neither on the place X nor on the sign of u₀, which is
+the same real wave half a wavelength on. The third panel reads it in three ways, beside real standing waves in time.
+"""
+
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+import pdjax as pd
+
+from .. import closed_forms as cf
+from ..figures import COLOURS
+from ._common import linear, of_order, sizes
+
+N, ORDERS, SMALL, LARGE = 3, (-1.0, 0.0, 0.5, 1.0, 2.0), 1e-6, 0.1
+LAW = linear(1.0, 0.0)
+READ = 2 * np.pi * 4 / 40  # the wave that is read in several ways: four waves on forty points
+WAYS = {"X = 0": (1.0, 0.0, "-"), "X = 2 h": (1.0, 2.0, "--"), "X = 5 h, half a wave": (1.0, 5.0, ":")}
+
+
+def printed(k, u0: float, m: float, X: float = 0.0) -> np.ndarray:
+    """ω as printed, complex, in units of c/h."""
+    return np.sqrt(np.asarray(cf.dispersion_1d(k, u0, m, N, X=X)) + 0j)
+
+
+def real_wave(u0: float, omega: float, m: float = 1.0) -> float:
+    """Frequency of a standing wave [c/h] at READ, from the first return of the velocity to zero."""
+    motion = pd.scenes.wave(40, N, READ, u0, of_order(m, LAW))
+    dt = 0.002 * 2 * np.pi / omega
+    history = pd.simulate(motion, 0.6 * 2 * np.pi / omega, dt=dt, save_every=1)
+    a = np.asarray(pd.amplitude(history.v, motion.start))
+    turn = np.flatnonzero((a[1:-1] < 0) & (a[2:] >= 0))[0] + 1
+    return float(np.pi / (history.times[turn] + dt * a[turn] / (a[turn] - a[turn + 1])))
+
+
+def make(quick: bool) -> tuple[dict, Figure]:
+    """The sheet `dispersion`."""
+    half = np.linspace(0.01, np.pi, 60 if quick else 200)
+    k = np.append(half, np.linspace(np.pi, 2 * np.pi, len(half))[1:])
+    exact = pd.dispersion(of_order(1.0, LAW), pd.lattice_family(dim=1, N=N), np.eye(1), k)
+    symbol, still = np.asarray(exact.frequency[:, 0]), np.asarray(exact.zero_energy[:, 0])
+    line = pd.figures.Branch("classical", k / np.pi, k, ":")
+    small, large = (
+        [line, *(pd.figures.Branch(f"m = {m:g}", k / np.pi, printed(k, u0, m).real) for m in ORDERS)]
+        for u0 in (SMALL, LARGE)
+    )
+    gap = max(float(np.abs(branch.omega - symbol).max()) for branch in small[1:])
+    small.append(pd.figures.Branch("symbol", k / np.pi, symbol, "--", still))
+    omega = float(np.sqrt(cf.dispersion_limit_1d(READ, N)))
+    sizes_u0 = np.array([0.05, 0.1]) if quick else np.array([0.025, 0.05, 0.075, 0.1])
+    real = [real_wave(float(u0), omega) / omega for u0 in sizes_u0]
+    shift = np.array(real) - 1
+    reads = {name: printed(READ, s * LARGE, 1.0, X) / omega for name, (s, X, _) in WAYS.items()}
+    numbers = {
+        "orders from the symbol, small u0": gap,
+        "zeros of the symbol, k h / π": (k[still] / np.pi).tolist(),
+        "|ω| h/c at k = π/h, large u0": {f"{m:g}": abs(complex(printed(np.pi, LARGE, m))) for m in ORDERS},
+        "ω over the symbol's, m = 1, large u0": {n: [complex(w).real, complex(w).imag] for n, w in reads.items()},
+        "the same, sign of u0 changed": [f(complex(printed(READ, -LARGE, 1.0) / omega)) for f in (np.real, np.imag)],
+        "real waves: shift over u0²": (shift / sizes_u0**2).tolist(),
+        "real waves: ω over the symbol's": dict(zip(map(float, sizes_u0), real, strict=True)),
+    }
+    figure = Figure(figsize=(14.6, 5.0), layout="constrained")
+    parts: Any = figure.subfigures(1, 2, width_ratios=(9.4, 5.2))
+    left, right = parts
+    panels: dict[str, Any] = {
+        f"u₀ = {SMALL:g} h: every order is the symbol's": small,
+        f"u₀ = {LARGE:g} h: the orders part": large,
+    }
+    pd.figures.dispersion_curves(panels, f"The paper's dispersion relation, 1D, N = {N}{sizes(quick)}", 0.7, left)
+    _draw_reads(right, sizes_u0, real, omega)
+    return numbers, figure
+
+
+def _draw_reads(on, sizes_u0: np.ndarray, real: list[float], omega: float) -> None:
+    """Frequency over the symbol's against u₀: the complex wave read at three places, real waves in time."""
+    upper, lower = on.subplots(2, 1, sharex=True)
+    u0 = np.linspace(1e-3, LARGE, 40)
+    for name, (sign, X, style) in WAYS.items():
+        found = np.array([printed(READ, sign * float(x), 1.0, X) / omega for x in u0])
+        upper.plot(u0, found.real, style, color=COLOURS["printed"], label=f"complex wave, read at {name}")
+        lower.plot(u0, found.imag, style, color=COLOURS["printed"])
+    upper.plot(sizes_u0, real, "o", color=COLOURS["symbol"], markersize=5, label="real standing wave, in time")
+    lower.plot(sizes_u0, np.zeros_like(sizes_u0), "o", color=COLOURS["symbol"], markersize=5)
+    upper.set_ylabel("Re ω / ω of the symbol  [–]")
+    lower.set_ylabel("Im ω / ω of the symbol  [–]")
+    lower.set_xlabel("amplitude u₀ / h  [–]")
+    upper.legend(fontsize=8, frameon=False)
+    on.suptitle("m = 1, k h = 0.2 π: is the large wave a motion?", fontsize=11)

@@ -1,0 +1,124 @@
+"""The paper's stability maps over (m, a) under hydrostatic load, N = 3, and what the symbol makes of them.
+
+Beside the maps: which sides fail at once on several lattices, whether m = 0 is safe, which orders hold on which side,
+what a stabiliser does, and where the classical law itself fails.
+"""
+
+import jax.numpy as jnp
+import numpy as np
+from matplotlib.figure import Figure
+from scipy.optimize import brentq
+
+import pdjax as pd
+
+from .. import closed_forms as cf
+from ..kinematics import seth_hill
+from ._common import family, linear, of_order, sizes
+
+LINE = linear(1.0, 0.0)
+LAW = linear(1.0, 1.0)
+N = 3
+
+
+def grid(count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Orders and loads; an even count leaves m = 0 and a = 0 out."""
+    return np.linspace(-2, 2, count), np.linspace(-0.3, 0.3, count)
+
+
+def at_once(m: float, dim: int, N: int, reach: int, law=LAW) -> list[bool]:
+    """Whether a millionth of compression, and of tension, is unstable already: what `critical_load` calls 0."""
+    model, fam = of_order(m, law), family(dim, N, reach)
+    return [pd.stability(model, fam, (1 + a) * np.eye(dim)).verdict == "unstable" for a in (-1e-6, 1e-6)]
+
+
+def law_fails(m: float, far: float) -> float:
+    """Where the classical law ψ(E_m) loses its ellipticity between rest and `far`, 2D."""
+    fam, model = pd.lattice_family(2, N), of_order(m, LAW)
+    margin = lambda a: float(pd.stability(model, fam, (1 + a) * np.eye(2), "local").margin)  # noqa: E731
+    return brentq(margin, 0.0, far, xtol=1e-9)
+
+
+def beyond_hydrostatic(quick: bool) -> dict:
+    """What the discussion rests on: m = 0 in 3D, the classical law's own limit, a stabiliser, orders by side."""
+    plane, penalised = pd.lattice_family(2, N), of_order(1.0, LAW, pd.SillingControl(jnp.asarray(0.5)))
+    found = {
+        "the law itself, m = 1": law_fails(1.0, -0.3),
+        "the law itself, m = −1": law_fails(-1.0, 0.3),
+        "with Silling's penalty, m = 1": {
+            f"{a:+g}": pd.stability(penalised, plane, (1 + a) * np.eye(2)).verdict for a in (-0.18, -0.01)
+        },
+        "orders that bear uniaxial stress": {
+            side: [float(x) for x in pd.stable_orders(plane, LAW, pd.uniaxial_stress, side)]
+            for side in ("negative", "positive")
+        },
+    }
+    if not quick:  # a fine zone in 3D: minutes
+        space = pd.lattice_family(3, N)
+        found["tension, m = 0, 3D"] = float(pd.critical_load(of_order(0.0, LAW), space, side="positive"))
+    return found
+
+
+def shares(found: pd.StabilityMap) -> dict[str, float]:
+    """How much of a map is unstable, by the symbol and by the diagonal, and on which side of the order m."""
+    bad, a, m = found.verdict == "unstable", found.a[None, :], found.m[:, None]
+    seen = found.lines["diagonal"] > 0
+    return {
+        "unstable": float(bad.mean()),
+        "unstable by the diagonal": float(seen.mean()),
+        "unstable in tension above m = 1/2": float((bad & (a > 0) & (m > 0.5)).sum()),
+        "unstable in compression below m = 1/2": float((bad & (a < 0) & (m < 0.5)).sum()),
+        "stable in compression above m = 1/2": float((~bad & (a < 0) & (m > 0.5)).sum()),
+        "stable in tension below m = 1/2": float((~bad & (a > 0) & (m < 0.5)).sum()),
+    }
+
+
+def make_1d(quick: bool) -> tuple[dict, Figure]:
+    """The sheet `maps-1d`."""
+    found = pd.stability_map(
+        *grid(40 if quick else 200), N=N, dim=1, law=LINE, lines=("diagonal", "affine", "local"), show_progress=False
+    )
+    m, a = found.line_m[:, None], found.line_a[None, :]
+    exact = 2 * found.lines["diagonal"]  # the margin is ∂f/∂x over 2M/h², and here M = h = 1
+    printed = np.asarray(cf.diagonal_1d(a, m, N, stress=seth_hill(np.log1p(a), m), tangent=1.0))
+    horizons = (1, 2, 3) if quick else (1, 2, 3, 5, 8)
+    numbers = {
+        "printed diagonal from autodiff": float(np.max(abs(printed - exact)) / np.max(abs(exact))),
+        **shares(found),
+        "fails at once [compression, tension]": {
+            f"m = {order:g}": {n: at_once(order, 1, n, horizons[-1], LINE) for n in horizons} for order in (1.0, 0.0)
+        },
+        "verdict of m = 1/2 at ±10 %": [
+            pd.stability(of_order(0.5, LINE), family(1, N, horizons[-1]), (1 + s) * np.eye(1)).verdict
+            for s in (-0.1, 0.1)
+        ],
+    }
+    return numbers, _titled(pd.figures.stability_map(found), "1D", quick)
+
+
+def make_2d(quick: bool) -> tuple[dict, Figure]:
+    """The sheet `maps-2d`."""
+    found = pd.stability_map(
+        *grid(40 if quick else 200), N=N, dim=2, law=LAW, lines=("diagonal", "affine", "local"), show_progress=False
+    )
+    plane, space = (2, 3) if quick else (2, 3, 4), (2,) if quick else (2, 3)
+    lattices = [(2, n, plane[-1]) for n in plane] + [(3, n, space[-1]) for n in space]
+    numbers = {
+        **shares(found),
+        "fails at once [compression, tension]": {
+            f"m = {order:g}": {f"{d}D, N = {n}": at_once(order, d, n, reach) for d, n, reach in lattices}
+            for order in (1.0, 0.0, -1.5)
+        },
+        "diagonal, m = 1, 2D": {n: float(cf.lattice_critical_load(1.0, 2, n, 1.0, 1.0)) for n in (2, 3, 4)},
+        "diagonal, m = 0, 3D": float(cf.lattice_critical_load(0.0, 3, 3, 1.0, 1.0)),
+        "compression holds below, tension above m =": {
+            f"{d}D, N = {n}": [float(x) for x in cf.hydrostatic_thresholds(d, n)] for d in (2, 3) for n in (2, 3)
+        },
+        **beyond_hydrostatic(quick),
+    }
+    return numbers, _titled(pd.figures.stability_map(found), "2D", quick)
+
+
+def _titled(figure: Figure, dim: str, quick: bool) -> Figure:
+    words = f"{figure.get_suptitle()}\nleft what the exact Jacobian says, right the paper's map{sizes(quick)}"
+    figure.suptitle(words, fontsize=11)
+    return figure

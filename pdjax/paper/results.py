@@ -1,0 +1,120 @@
+"""The results of the paper's figures: `paper.json`, kept up to date figure by figure, and `paper.md`, its tables.
+
+figures   name → file, seconds, quick, numbers of the sheet
+claims    one row each: key, claim, where, paper, ours, verdict, command, figure, question, test
+"""
+
+import json
+import platform
+from pathlib import Path
+
+import jax
+import numpy as np
+
+from .._checks import written_whole
+from .claims import CLAIMS
+
+_HEAD = ("claim", "where", "paper", "ours", "verdict", "command that shows it")
+
+
+def picture(out: Path, name: str) -> Path:
+    """Where the picture of a sheet lies."""
+    return out / f"paper-{name}.png"
+
+
+def read(out: Path, quick: bool) -> dict:
+    """What an earlier run left in the directory, or a fresh start; ValueError if it was of other sizes."""
+    file = out / "paper.json"
+    fresh = {"quick": quick, "machine": _machine(), "figures": {}, "claims": []}
+    if not file.exists():
+        return fresh
+    try:
+        found = json.loads(file.read_text())
+        was = bool(found["quick"])
+        found["figures"], found["claims"] = dict(found["figures"]), list(found["claims"])
+    except (json.JSONDecodeError, KeyError, TypeError, ValueError, UnicodeDecodeError) as error:
+        raise ValueError(f"{file} is not a result of pdjax paper, or is damaged: {error}; move it away") from None
+    if was != quick:
+        kinds = ("a full run", "a --quick run")
+        raise ValueError(f"{out} holds {kinds[was]}; for {kinds[quick]} name another directory with --out")
+    return found
+
+
+def finished(found: dict, out: Path, name: str) -> bool:
+    """Whether a sheet is there with all its claims."""
+    mine = [row["key"] for row in found["claims"] if row["figure"] == name]
+    wanted = [claim.key for claim in CLAIMS if claim.figure == name]
+    return name in found["figures"] and picture(out, name).exists() and mine == wanted
+
+
+def keep(found: dict, name: str, record: dict, numbers: dict) -> None:
+    """Put a finished sheet and the rows of its claims among the results, in the order of the table."""
+    rows = {row["key"]: row for row in found["claims"]}
+    rows |= {claim.key: claim.row(numbers) for claim in CLAIMS if claim.figure == name}
+    found["figures"][name] = {**record, "numbers": plain(numbers)}
+    found["claims"] = [rows[claim.key] for claim in CLAIMS if claim.key in rows]
+
+
+def write(found: dict, out: Path) -> None:
+    """Both files, each whole or not there."""
+    with written_whole(out / "paper.json") as stream:
+        stream.write((json.dumps(found, ensure_ascii=False, indent=1) + "\n").encode())
+    with written_whole(out / "paper.md") as stream:
+        stream.write(document(found).encode())
+
+
+def markdown(found: dict) -> str:
+    """The table of claims in Markdown, as it stands in a README: from the results alone."""
+    rows = [
+        [row["claim"], row["where"], row["paper"], row["ours"], f"**{row['verdict']}**", f"`{row['command']}`"]
+        for row in found["claims"]
+    ]
+    return _table(_HEAD, rows)
+
+
+def questions(found: dict) -> str:
+    """The steps of the derivation and what was open, each with its answer and the test that holds it."""
+    rows = [
+        [row["question"], row["ours"], f"**{row['verdict']}**", f"`{row['test']}`"]
+        for row in found["claims"]
+        if row["question"]
+    ]
+    return _table(("question", "answer", "the paper's statement is", "held by"), rows)
+
+
+def document(found: dict) -> str:
+    """paper.md."""
+    size = "a --quick run, reduced sizes" if found["quick"] else "full sizes"
+    pictures = "\n".join(f"![{name}]({record['file']})" for name, record in found["figures"].items())
+    return (
+        f"# The paper, claim by claim ({size})\n\n{markdown(found)}\n\n"
+        f"## Steps of the derivation, and what was open\n\n{questions(found)}\n\n## Figures\n\n{pictures}\n"
+    )
+
+
+def counts(found: dict) -> str:
+    """How many claims have which verdict."""
+    words = [row["verdict"] for row in found["claims"]]
+    return ", ".join(f"{words.count(word)} {word}" for word in dict.fromkeys(words))
+
+
+def _table(head, rows) -> str:
+    lines = [head, ["---"] * len(head), *rows]
+    return "\n".join("| " + " | ".join(str(cell).replace("|", "\\|") for cell in line) + " |" for line in lines)
+
+
+def plain(value):
+    """Numbers as JSON has them: infinity and NaN become words."""
+    if isinstance(value, dict):
+        return {str(k): plain(v) for k, v in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(v) for v in value]
+    if isinstance(value, np.generic):
+        value = value.item()
+    if isinstance(value, float) and not np.isfinite(value):
+        return str(value)
+    return value
+
+
+def _machine() -> dict:
+    return {"device": jax.devices()[0].device_kind, "python": platform.python_version(), "jax": jax.__version__}
