@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import reference as ref
 
 import pdjax as pd
 from pdjax import closed_forms
@@ -100,3 +101,26 @@ def test_general_closed_form_of_the_jacobian_is_autodiff(law):
             printed = closed_forms.jacobian_entry(eta, fam.xi, fam.influence, 1.0, F, m, S, C)
             worst = max(worst, float(np.abs(np.asarray(printed) - row[:, j]).max()))
     assert worst <= 1e-14 * np.abs(row).max() * 10  # measured 8e-16 of entries up to 0.5
+
+
+@pytest.mark.parametrize(
+    ("strain", "positive", "newton"), [(1.0, 0, "minimum"), (-1e-4, 1, "saddle"), (-1e-3, 3, "minimum")]
+)
+def test_s9_the_step_size_bar_is_at_a_saddle(strain, positive, newton):
+    """Positive eigenvalues of the homogeneous state, counted by the reference's complex steps; what Newton finds."""
+    scene = pd.scenes.step_size_bar(100, 3, strain)
+    X, u = scene.body.positions, np.asarray(scene.closed_form)
+    free = np.asarray(scene.unknowns)
+    J = np.zeros((len(free), len(free)))
+    for column, j in enumerate(free):
+        moved = u.astype(complex)
+        moved[j, 0] += 1e-30j
+        near = np.flatnonzero(abs(X[:, 0] - X[j, 0]) < 6.5 / 100)
+        force = ref.seth_hill_force(X, scene.body.volumes, 3 / 100, moved, 1.0, 1.0, 0.0, None, rows=list(near))
+        J[np.searchsorted(free, near[np.isin(near, free)]), column] = force[np.isin(near, free), 0].imag / 1e-30
+    values = np.linalg.eigvalsh((J + J.T) / 2)
+    assert (values > 1e-9 * abs(values).max()).sum() == positive
+    found = pd.solve(scene, smallest_step=1.0, stability=False)
+    off = np.abs(np.asarray(found.u) - u).max() / np.abs(u).max()
+    assert found.converged and (off < 1e-6) == (strain != -1e-3)  # measured 1e-13 and less; 1.4 at −0.1 %
+    assert pd.body_stability(scene, found.u).kind == newton

@@ -45,11 +45,14 @@ def dispersion_curves(
     """
     figure = Figure(figsize=(4.6 * len(panels) + 0.4, 4.6), layout="constrained") if on is None else on
     axes = figure.subplots(1, len(panels), sharey=True, squeeze=False)[0]
+    fixed = {"classical": "#888888", "symbol": COLOURS["symbol"]}
+    taken = any(branch.name == "symbol" for branches in panels.values() for branch in branches)
+    colours = PALETTE[1:] if taken else PALETTE  # black is the symbol's
     for panel, (name, branches) in zip(axes, panels.items(), strict=True):
         colour = 0
         for branch in branches:
-            shade = "#888888" if branch.name == "classical" else PALETTE[colour % len(PALETTE)]
-            colour += branch.name != "classical"
+            shade = fixed.get(branch.name, colours[colour % len(colours)])
+            colour += branch.name not in fixed
             panel.plot(branch.k, branch.omega, branch.style, color=shade, linewidth=1.4, label=branch.name)
             if branch.zero is not None and branch.zero.any():
                 at = branch.k[branch.zero]

@@ -57,7 +57,7 @@ class Claim(NamedTuple):
         return {**words, "ours": ours, "verdict": verdict, "command": command}
 
 
-def judge(holds: bool, corrected: bool = False) -> str:
+def judge(holds: Any, corrected: Any = False) -> str:
     """The word that follows from two comparisons with the exact value: the paper's, and a corrected statement's."""
     return VERDICTS[0] if holds else VERDICTS[1] if corrected else VERDICTS[2]
 

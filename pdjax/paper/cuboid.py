@@ -58,12 +58,13 @@ def pull(model, strain: float, rate: float, shape, N: int = 3, halved: bool = Fa
 
 
 def growth(model, sign: float, strains=STRAINS, N: int = 3) -> np.ndarray:
-    """γ of the symbol along uniaxial stress, spacing 1."""
-    rates, fam = [], pd.lattice_family(3, N)
-    for strain in sign * np.asarray(strains):
-        found = pd.stability(model, fam, pd.uniaxial_stress(strain, model, fam))
-        rates.append(max(float(found.eigenvalue), 0.0) ** 0.5 if found.verdict == "unstable" else 0.0)
-    return np.array(rates)
+    """γ of the symbol along uniaxial stress (strains,), spacing and density 1."""
+    loads = sign * np.asarray(strains, dtype=float)
+    # the map compiles once for a law, whatever the order, and anew for every function that makes a model
+    what: dict = {"law": model.law} if isinstance(model, pd.SethHill) else {"model": lambda _: model}
+    order = float(getattr(model, "m", 0.0))
+    found = pd.stability_map([order], loads, N=N, dim=3, path=pd.uniaxial_stress, show_progress=False, **what)
+    return np.sqrt(np.where(found.verdict[0] == "unstable", np.maximum(found.eigenvalue[0], 0.0), 0.0))
 
 
 def predicted(run: dict, rates: np.ndarray, rate: float, strains=STRAINS) -> tuple[np.ndarray, float | None]:
@@ -131,13 +132,13 @@ def draw(runs: dict, curves: dict, half: dict, shape, rate: float, N: int, quick
             force.plot(strain, run["force over E0 A"], color=shade, linewidth=1.2)
             rough.semilogy(strain[1:], worst_alternation(run)[1:], color=shade, linewidth=1.4)
             rough.semilogy(strain[1:], curves[name, side][1:], "--", color=shade, linewidth=0.9)
-        ring: dict[str, Any] = {"mfc": "none", "mec": COLOURS["diagonal"], "ms": 5, "mew": 1.0, "zorder": 5}
+        ring: dict[str, Any] = {"mfc": "none", "mec": COLOURS["printed"], "ms": 5, "mew": 1.0, "zorder": 5}
         strain, again = 100 * np.array(half[side]["strain"]), np.array(half[side]["force over E0 A"])
         force.plot(strain[::6], again[::6], "o", **ring)
         force.plot(strain, strain / 100, ":", color="#888888", linewidth=1.0)
-        force.set_title(f"{side}: force, as in the paper", fontsize=10)
+        force.set_title(f"{side}: force", fontsize=10)
         force.set_ylabel("force / (E₀ A)  [–]")
-        rough.set_title(f"{side}: alternation, and what the symbol predicts", fontsize=10)
+        rough.set_title(f"{side}: alternation", fontsize=10)
         rough.set_ylabel("alternation / h  [–]")
         rough.axhline(ONSET, color="#888888", linewidth=0.7)
         rough.set_ylim(1e-5, 3)
@@ -158,7 +159,7 @@ def draw(runs: dict, curves: dict, half: dict, shape, rate: float, N: int, quick
         figure.colorbar(image, ax=on, shrink=0.7)
     handles = [Line2D([], [], color=shade, label=name) for name, shade in SHADES.items()]
     handles += [
-        Line2D([], [], linestyle="", marker="o", label="m = 0, half the step", mfc="none", mec=COLOURS["diagonal"]),
+        Line2D([], [], linestyle="", marker="o", label="m = 0, half the step", mfc="none", mec=COLOURS["printed"]),
         Line2D([], [], color="#555555", linestyle="--", label="predicted by the symbol"),
         Line2D([], [], color="#888888", linestyle=":", label="E₀ × strain"),
     ]

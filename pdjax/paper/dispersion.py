@@ -45,7 +45,7 @@ def make(quick: bool) -> tuple[dict, Figure]:
     symbol, still = np.asarray(exact.frequency[:, 0]), np.asarray(exact.zero_energy[:, 0])
     line = pd.figures.Branch("classical", k / np.pi, k, ":")
     small, large = (
-        [line, *(pd.figures.Branch(f"m = {m:g}", k / np.pi, printed(k, u0, m).real) for m in ORDERS)]
+        [line, *(pd.figures.Branch(f"m = {m:g}".replace("-", "−"), k / np.pi, printed(k, u0, m).real) for m in ORDERS)]
         for u0 in (SMALL, LARGE)
     )
     gap = max(float(np.abs(branch.omega - symbol).max()) for branch in small[1:])

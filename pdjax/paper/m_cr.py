@@ -11,7 +11,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from matplotlib.figure import Figure
-from scipy.optimize import brentq
 
 import pdjax as pd
 
@@ -24,11 +23,21 @@ LAW = linear(1.0, 1.0)
 LOAD = -0.1
 
 
-def gamma_exact(m: float, fam) -> float:
-    """Γ(m) over its radial factor, from the criterion `continuum` at a = −10 %."""
-    margin = float(pd.stability(of_order(m, LAW), fam, (1 + LOAD) * np.eye(fam.dim), "continuum").margin)
-    stress = (fam.dim + 2) * float(seth_hill(np.log1p(LOAD), m))  # dλ + 2μ, times the strain
-    return -margin * 3 / (2 * stress * (1 + LOAD) ** (2 * m - 2))  # 3 is λ + 2μ, the margin's unit
+def gamma_exact(orders: np.ndarray, dim: int) -> np.ndarray:
+    """Γ(m) over its radial factor (orders,), from the criterion `continuum` at a = −10 %."""
+    margin = pd.stability_map(orders, [LOAD], N=2, dim=dim, law=LAW, criterion="continuum", show_progress=False).margin[
+        :, 0
+    ]
+    stress = (dim + 2) * np.asarray(seth_hill(np.log1p(LOAD), orders))  # dλ + 2μ, times the strain
+    return -margin * 3 / (2 * stress * (1 + LOAD) ** (2 * orders - 2))  # 3 is λ + 2μ, the margin's unit
+
+
+def zero(orders: np.ndarray, values: np.ndarray) -> float:
+    """Where a straight line vanishes: Γ is linear in m."""
+    slope, at_zero = np.polyfit(orders, values, 1)
+    if not np.allclose(values, at_zero + slope * orders, atol=1e-9):
+        raise RuntimeError("Γ(m) is not linear in m: look for its root in another way")
+    return float(-at_zero / slope)
 
 
 @eqx.filter_jit
@@ -49,7 +58,8 @@ def make(quick: bool) -> tuple[dict, Figure]:
     figure = Figure(figsize=(11.4, 4.0), layout="constrained")
     for dim, axes in zip((1, 2, 3), figure.subplots(1, 3, sharey=True), strict=True):
         fam = pd.lattice_family(dim, 2)
-        root = brentq(gamma_exact, -1.4, 1.3, args=(fam,), xtol=1e-12)
+        exact = gamma_exact(samples, dim)
+        root = zero(samples, exact)
         forms = {form: cf.m_cr(dim, form) for form in ("printed", "corrected")}
         numbers["m_cr"][f"{dim}D"] = {**forms, "exact": root}
         test = dict(zip(("printed", "corrected", "exact"), map(float, moved_centre(fam, 0.1, 0.8)), strict=True))
@@ -57,7 +67,6 @@ def make(quick: bool) -> tuple[dict, Figure]:
         axes.axhline(0, color="#888888", linewidth=0.8)
         axes.plot(samples, cf.gamma(samples, dim), color=COLOURS["continuum"], linewidth=3.5, label="corrected")
         axes.plot(samples, cf.gamma(samples, dim, "printed"), "--", color=COLOURS["printed"], label="printed")
-        exact = [gamma_exact(m, fam) for m in samples]
         axes.plot(samples, exact, "o", color=COLOURS["symbol"], markersize=4.5, label="exact, by autodiff")
         says = f"m_cr = {round(root, 9) + 0.0:g} exact, {forms['printed']:g} printed".replace("-", "−")
         axes.set_title(f"{dim}D: {says}", fontsize=10)

@@ -20,9 +20,12 @@ LAW = linear(1.0, 1.0)
 N = 3
 
 
-def grid(count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Orders and loads; an even count leaves m = 0 and a = 0 out."""
-    return np.linspace(-2, 2, count), np.linspace(-0.3, 0.3, count)
+def sweep(dim: int, law, quick: bool) -> pd.StabilityMap:
+    """The map; an even count of orders and loads leaves m = 0 and a = 0 out."""
+    count = 40 if quick else 200
+    lines = ("diagonal",) if quick else ("diagonal", "affine", "local")
+    orders, loads = np.linspace(-2, 2, count), np.linspace(-0.3, 0.3, count)
+    return pd.stability_map(orders, loads, N=N, dim=dim, law=law, lines=lines, show_progress=False)
 
 
 def at_once(m: float, dim: int, N: int, reach: int, law=LAW) -> list[bool]:
@@ -74,9 +77,7 @@ def shares(found: pd.StabilityMap) -> dict[str, float]:
 
 def make_1d(quick: bool) -> tuple[dict, Figure]:
     """The sheet `maps-1d`."""
-    found = pd.stability_map(
-        *grid(40 if quick else 200), N=N, dim=1, law=LINE, lines=("diagonal", "affine", "local"), show_progress=False
-    )
+    found = sweep(1, LINE, quick)
     m, a = found.line_m[:, None], found.line_a[None, :]
     exact = 2 * found.lines["diagonal"]  # the margin is ∂f/∂x over 2M/h², and here M = h = 1
     printed = np.asarray(cf.diagonal_1d(a, m, N, stress=seth_hill(np.log1p(a), m), tangent=1.0))
@@ -97,9 +98,7 @@ def make_1d(quick: bool) -> tuple[dict, Figure]:
 
 def make_2d(quick: bool) -> tuple[dict, Figure]:
     """The sheet `maps-2d`."""
-    found = pd.stability_map(
-        *grid(40 if quick else 200), N=N, dim=2, law=LAW, lines=("diagonal", "affine", "local"), show_progress=False
-    )
+    found = sweep(2, LAW, quick)
     plane, space = (2, 3) if quick else (2, 3, 4), (2,) if quick else (2, 3)
     lattices = [(2, n, plane[-1]) for n in plane] + [(3, n, space[-1]) for n in space]
     numbers = {
