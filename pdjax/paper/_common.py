@@ -12,6 +12,7 @@ have and which of four words follows:
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
+import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from matplotlib.figure import Figure
@@ -85,6 +86,15 @@ def of_order(m: float, law: Any, control: Any = None) -> Any:
 def family(dim: int, N: int, reach: int):
     """The family of horizon N in the arrays of a longer one, so that one compilation serves several N."""
     return pd.lattice_family(dim, reach, influence=lambda r, _: jnp.where(r <= N * (1 + 1e-9), 1.0, 0.0))
+
+
+_slope = eqx.filter_jit(pd.load_slope)
+
+
+def at_once(m: float, law: Any, dim: int, N: int, reach: int) -> list[bool]:
+    """Whether the smallest compression, and tension, is unstable (a_cr = 0): a wave that is free at rest gains by it."""
+    fam = family(dim, N, reach)
+    return [float(_slope(of_order(m, law), fam, side=side)) > 0 for side in ("negative", "positive")]
 
 
 def load(a: float) -> str:

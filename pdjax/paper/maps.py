@@ -13,7 +13,7 @@ import pdjax as pd
 
 from .. import closed_forms as cf
 from ..kinematics import seth_hill
-from ._common import family, linear, of_order, sizes
+from ._common import at_once, family, linear, of_order, sizes
 
 LINE = linear(1.0, 0.0)
 LAW = linear(1.0, 1.0)
@@ -26,12 +26,6 @@ def sweep(dim: int, law, quick: bool) -> pd.StabilityMap:
     lines = ("diagonal",) if quick else ("diagonal", "affine", "local")
     orders, loads = np.linspace(-2, 2, count), np.linspace(-0.3, 0.3, count)
     return pd.stability_map(orders, loads, N=N, dim=dim, law=law, lines=lines, show_progress=False)
-
-
-def at_once(m: float, dim: int, N: int, reach: int, law=LAW) -> list[bool]:
-    """Whether a millionth of compression, and of tension, is unstable already: what `critical_load` calls 0."""
-    model, fam = of_order(m, law), family(dim, N, reach)
-    return [pd.stability(model, fam, (1 + a) * np.eye(dim)).verdict == "unstable" for a in (-1e-6, 1e-6)]
 
 
 def law_fails(m: float, far: float) -> float:
@@ -86,7 +80,7 @@ def make_1d(quick: bool) -> tuple[dict, Figure]:
         "printed diagonal from autodiff": float(np.max(abs(printed - exact)) / np.max(abs(exact))),
         **shares(found),
         "fails at once [compression, tension]": {
-            f"m = {order:g}": {n: at_once(order, 1, n, horizons[-1], LINE) for n in horizons} for order in (1.0, 0.0)
+            f"m = {order:g}": {n: at_once(order, LINE, 1, n, horizons[-1]) for n in horizons} for order in (1.0, 0.0)
         },
         "verdict of m = 1/2 at ±10 %": [
             pd.stability(of_order(0.5, LINE), family(1, N, horizons[-1]), (1 + s) * np.eye(1)).verdict
@@ -104,7 +98,7 @@ def make_2d(quick: bool) -> tuple[dict, Figure]:
     numbers = {
         **shares(found),
         "fails at once [compression, tension]": {
-            f"m = {order:g}": {f"{d}D, N = {n}": at_once(order, d, n, reach) for d, n, reach in lattices}
+            f"m = {order:g}": {f"{d}D, N = {n}": at_once(order, LAW, d, n, reach) for d, n, reach in lattices}
             for order in (1.0, 0.0, -1.5)
         },
         "diagonal, m = 1, 2D": {n: float(cf.lattice_critical_load(1.0, 2, n, 1.0, 1.0)) for n in (2, 3, 4)},
