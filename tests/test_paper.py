@@ -2,6 +2,7 @@
 
 import json
 import re
+import shlex
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,7 @@ import pytest
 from matplotlib.figure import Figure
 
 from pdjax import paper
-from pdjax.__main__ import main
+from pdjax.__main__ import _parser, main
 from pdjax.paper import a_cr, cuboid, findings, m_cr, results, singular_bar, step_bar
 from pdjax.paper._common import Claim, Sheet, judge
 
@@ -54,6 +55,13 @@ def test_each_suspected_slip_is_a_question_with_a_test():
     by_key = {claim.key: claim for claim in paper.CLAIMS}
     assert sorted(SLIPS.values()) == sorted(key for key, claim in by_key.items() if claim.question)
     assert all(by_key[key].test for key in SLIPS.values())
+
+
+def test_commands_of_the_table_are_commands():
+    for claim in paper.CLAIMS:
+        program, *words = shlex.split(claim.command or "pdjax paper --figure family")
+        assert program == "pdjax"
+        _parser().parse_args(words)  # exits on a wrong word
 
 
 def test_verdicts_follow_from_the_numbers():

@@ -92,7 +92,7 @@ _slope = eqx.filter_jit(pd.load_slope)
 
 
 def at_once(m: float, law: Any, dim: int, N: int, reach: int) -> list[bool]:
-    """Whether the smallest compression, and tension, is unstable (a_cr = 0): a wave that is free at rest gains by it."""
+    """Whether the smallest compression, and tension, is unstable (a_cr = 0): a wave free at rest gains by it."""
     fam = family(dim, N, reach)
     return [float(_slope(of_order(m, law), fam, side=side)) > 0 for side in ("negative", "positive")]
 

@@ -341,7 +341,7 @@ def cuboid_step(n: dict) -> Found:
     half, whole = ([n[f"m = 0, {s}{end}"] for s in sides] for end in (", half the step", ""))
     same = all(abs((h["onset"] or 0) - (w["onset"] or 0)) < 0.0021 for h, w in zip(half, whole, strict=True))
     gap = max(h["force differs before the onset by"] for h in half)
-    return f"half the step: the same onset, force to {gap:.1%} before it", judge(same and gap < 0.01)
+    return f"half the step: the same onset, force to {gap:.2%} before it", judge(same and gap < 0.01)
 
 
 def cuboid_fields(n: dict) -> Found:
