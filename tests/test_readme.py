@@ -3,6 +3,8 @@
 import re
 from pathlib import Path
 
+from pdjax.paper import results
+
 ROOT = Path(__file__).parent.parent
 TEXT = (ROOT / "README.md").read_text()
 
@@ -22,6 +24,13 @@ def test_python_blocks_run(capsys, tmp_path, monkeypatch):
     assert "\n0.121" in said and "[[0.1214" in said  # the growth measured and the symbol's
     assert "ran to its end" in said
     assert "\n(441, 3)\n" in said  # the body with a hole, by FFT
+
+
+def test_the_table_of_claims_is_that_of_the_results():
+    """Between the markers stands the first table of benchmarks/results/paper.md: copy it there after a new run."""
+    block = re.search(r"<!-- paper:begin -->\n(.*?)\n<!-- paper:end -->", TEXT, flags=re.S)
+    assert block is not None
+    assert block.group(1).strip() == results.markdown(results.read(ROOT / "benchmarks" / "results", quick=False))
 
 
 def test_paths_and_links_exist():

@@ -154,7 +154,7 @@ def draw(numbers: dict, quick: bool) -> Figure:
     right.plot([], [], "o", mfc="none", mec=COLOURS["symbol"], mew=1.4, ms=10, label="diagonal, by autodiff")
     right.axhline(100 * QUOTED_2D, color="#0072B2", linewidth=1.2, linestyle="-.", label="quoted in the paper")
     right.set_xticks(range(len(steps)), _STEPS, fontsize=8, rotation=35, ha="right")
-    right.set_title("2D, N = 3: the printed criterion, repaired step by step", fontsize=10)
+    right.set_title("2D, N = 3: the printed criterion, repaired", fontsize=10)
     right.set_ylabel("critical load a_cr  [%]")
     right.legend(fontsize=8, frameon=False, loc="lower left", bbox_to_anchor=(0.0, 0.02))
     figure.suptitle(f"Critical loads of order m = 1{sizes(quick)}", fontsize=11)

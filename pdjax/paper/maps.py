@@ -87,7 +87,7 @@ def make_1d(quick: bool) -> tuple[dict, Figure]:
             for s in (-0.1, 0.1)
         ],
     }
-    return numbers, _titled(pd.figures.stability_map(found), "1D", quick)
+    return numbers, _titled(pd.figures.stability_map(found), quick)
 
 
 def make_2d(quick: bool) -> tuple[dict, Figure]:
@@ -108,10 +108,10 @@ def make_2d(quick: bool) -> tuple[dict, Figure]:
         },
         **beyond_hydrostatic(quick),
     }
-    return numbers, _titled(pd.figures.stability_map(found), "2D", quick)
+    return numbers, _titled(pd.figures.stability_map(found), quick)
 
 
-def _titled(figure: Figure, dim: str, quick: bool) -> Figure:
-    words = f"{figure.get_suptitle()}\nleft what the exact Jacobian says, right the paper's map{sizes(quick)}"
-    figure.suptitle(words, fontsize=11)
+def _titled(figure: Figure, quick: bool) -> Figure:
+    below = "left what the exact Jacobian says, right what the paper's diagonal says"
+    figure.suptitle(f"{figure.get_suptitle()}\n{below}{sizes(quick)}", fontsize=11)
     return figure
