@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure, SubFigure
+from matplotlib.ticker import NullFormatter
 
 import pdjax as pd
 
@@ -110,6 +111,7 @@ def draw_critical(on: SubFigure | Figure, curves: dict[int, list[dict]], diagona
     for strain in STRAINS[1:]:
         axes.axhline(-strain, color="#888888", linewidth=0.8, linestyle=":")
         axes.text(end, -strain * 1.2, f"the paper's {percent(strain)}", ha="right", fontsize=9)
+    axes.xaxis.set_minor_formatter(NullFormatter())  # its labels overlap
     axes.set_xlabel("free points between the clamps  [–]")
     axes.set_ylabel("critical compression of the clamped bar  [–]")
     axes.set_title("dots: exact spectrum; lines: leading-order law; symbol (n → ∞): 0", fontsize=9)
