@@ -17,11 +17,11 @@ import time
 import jax
 import jax.numpy as jnp
 import numpy as np
-from _harness import timed, write
 from matplotlib.figure import Figure
 
 import pdjax as pd
 from pdjax import zone
+from pdjax.bench.harness import timed, write
 
 jax.config.update("jax_enable_x64", True)
 QUICK = "--quick" in sys.argv[1:]

@@ -9,6 +9,14 @@ ROOT = Path(__file__).parent.parent
 TEXT = (ROOT / "README.md").read_text()
 
 
+def with_tables(text):
+    """The README with the tables of benchmarks/results/paper.json between its marks."""
+    begin, end = results.MARKS
+    tables = results.in_readme(results.read(ROOT / "benchmarks" / "results", quick=False))
+    assert begin in text and end in text
+    return f"{text.split(begin)[0]}{begin}\n{tables}\n{end}{text.split(end)[1]}"
+
+
 def test_python_blocks_run(capsys, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)  # a checkpoint is written
     blocks = re.findall(r"```python\n(.*?)```", TEXT, flags=re.S)
@@ -27,10 +35,8 @@ def test_python_blocks_run(capsys, tmp_path, monkeypatch):
 
 
 def test_the_table_of_claims_is_that_of_the_results():
-    """Between the markers stands the first table of benchmarks/results/paper.md: copy it there after a new run."""
-    block = re.search(r"<!-- paper:begin -->\n(.*?)\n<!-- paper:end -->", TEXT, flags=re.S)
-    assert block is not None
-    assert block.group(1).strip() == results.markdown(results.read(ROOT / "benchmarks" / "results", quick=False))
+    """After a new run: `python tests/test_readme.py` writes the tables anew."""
+    assert TEXT == with_tables(TEXT)
 
 
 def test_paths_and_links_exist():
@@ -43,3 +49,7 @@ def test_set_up_commands_are_what_ci_runs():
     for words in ('pip install --quiet -e ".[test', "python -m pytest", "pdjax map"):
         assert words in ci
     assert 'pip install -e ".[test]" && python -m pytest' in TEXT
+
+
+if __name__ == "__main__":
+    (ROOT / "README.md").write_text(with_tables(TEXT))

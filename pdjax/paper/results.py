@@ -15,6 +15,7 @@ from .._checks import written_whole
 from .claims import CLAIMS
 
 _HEAD = ("claim", "where", "paper", "ours", "verdict", "command that shows it")
+MARKS = ("<!-- paper:begin -->", "<!-- paper:end -->")  # of the tables in the README
 
 
 def picture(out: Path, name: str) -> Path:
@@ -70,6 +71,19 @@ def markdown(found: dict) -> str:
         for row in found["claims"]
     ]
     return _table(_HEAD, rows)
+
+
+def refuted(found: dict) -> str:
+    """The claims that don't hold, in short."""
+    rows = [[row["claim"], row["paper"], row["ours"]] for row in found["claims"] if row["verdict"] == "refuted"]
+    return _table(("refuted", "paper", "exact"), rows)
+
+
+def in_readme(found: dict) -> str:
+    """What stands between the marks: how many claims have which verdict, those refuted, and all of them to unfold."""
+    total = f"{len(found['claims'])} claims: {counts(found)}."
+    everything = f"<details><summary>Every claim that was tried</summary>\n\n{markdown(found)}\n\n</details>"
+    return f"{total}\n\n{refuted(found)}\n\n{everything}"
 
 
 def questions(found: dict) -> str:
