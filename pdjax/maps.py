@@ -132,6 +132,23 @@ def _check_memory(shape: tuple[int, ...], criteria: int) -> None:
         )
 
 
+def _check_models(make: Callable, orders: np.ndarray, loads: np.ndarray, fams: list, path: Path) -> AbstractModel:
+    """The model of the first order, when all are models that these families can rest in and the loads apply."""
+    first = make(jnp.asarray(orders[0]))
+    if not isinstance(first, AbstractModel):
+        raise ValueError(f"model must be a function m -> pdjax model; it gave {type(first).__name__}")
+    alike = isinstance(make, _SethHillOf)  # at rest the order of a Seth–Hill strain changes nothing
+    for fam in fams:
+        for m in orders[: 1 if alike else None]:
+            check_at_rest(make(jnp.asarray(m)), fam)
+        _check_loads(loads, first, fam, path)
+    return first
+
+
+def _thinned(x: np.ndarray) -> np.ndarray:
+    return x[np.linspace(0, len(x) - 1, min(len(x), _LINE_POINTS)).round().astype(int)]
+
+
 def stability_map(
     m,
     a,
@@ -176,13 +193,7 @@ def stability_map(
     target = None if save is None else writable(save)
 
     fams = [lattice_family(dim, float(n), influence=influence) for n in horizons]
-    first = make(jnp.asarray(orders[0]))
-    if not isinstance(first, AbstractModel):
-        raise ValueError(f"model must be a function m -> pdjax model; it gave {type(first).__name__}")
-    for fam in fams:
-        for m in orders[: None if law is None else 1]:  # at rest the order of a Seth–Hill strain changes nothing
-            check_at_rest(make(jnp.asarray(m)), fam)
-        _check_loads(loads, first, fam, path)
+    first = _check_models(make, orders, loads, fams, path)
     zones = [family_zone(fam, path_symmetry(path, fam, first.isotropic), resolution) for fam in fams]
     settings = {
         "dim": dim,
@@ -195,9 +206,7 @@ def stability_map(
         "resolution": [zone.intervals for zone in zones],
         "dtype": str(fams[0].xi.dtype),
     }
-    thin_m, thin_a = (
-        x[np.linspace(0, len(x) - 1, min(len(x), _LINE_POINTS)).round().astype(int)] for x in (orders, loads)
-    )
+    thin_m, thin_a = _thinned(orders), _thinned(loads)
     results = np.full((3, *shape), np.nan)
     extra = np.full((len(lines), len(horizons), len(thin_m), len(thin_a)), np.nan)
 

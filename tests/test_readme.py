@@ -1,12 +1,19 @@
 """Every Python block of the README runs, one after the other as a reader would; its commands are what CI runs."""
 
 import re
+import shlex
 from pathlib import Path
 
+import pytest
+
+from pdjax.__main__ import _parser, main
 from pdjax.paper import results
 
 ROOT = Path(__file__).parent.parent
 TEXT = (ROOT / "README.md").read_text()
+SHELL = "\n".join(re.findall(r"```sh\n(.*?)```", TEXT, flags=re.S))
+COMMANDS = [line for line in SHELL.splitlines() if line.startswith("pdjax ")]
+SHOWN = sorted(set(re.findall(r"`(pdjax [^`]*)`", results.markdown(results.read(ROOT / "benchmarks/results", False)))))
 
 
 def with_tables(text):
@@ -49,6 +56,18 @@ def test_set_up_commands_are_what_ci_runs():
     for words in ('pip install --quiet -e ".[test', "python -m pytest", "pdjax map"):
         assert words in ci
     assert 'pip install -e ".[test]" && python -m pytest' in TEXT
+
+
+@pytest.mark.parametrize("command", [*COMMANDS, *SHOWN])
+def test_every_command_is_one(command):
+    _parser().parse_args(shlex.split(command)[1:])
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("command", COMMANDS)
+def test_every_command_runs(command, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert main(shlex.split(command)[1:]) == 0
 
 
 if __name__ == "__main__":

@@ -3,7 +3,7 @@
 A lattice in 3D, random displacements of 1e-2 spacings. `error`: the largest difference from the slices of the same body
 (whose own error is rounding: the tests compare every way with the general path), over the largest force; of the slices
 themselves from the padded families, where those are small enough to be made. The operator is prepared before; its price
-is the row's `prepare_seconds`.
+is the row's `prepare_seconds`. Of FFT also `transform_seconds`: as many transforms and nothing else, its floor.
 """
 
 import resource
@@ -21,6 +21,7 @@ from ..laws import LinearElastic
 from ..models import LPS, BondBased, Correspondence, SethHill
 from ..neighbours import Families
 from ..points import lattice
+from ..ways.convolution import Convolution
 from .harness import Case, Task, kernel
 
 LAW = LinearElastic(lam=1.0, mu=1.0)  # type: ignore[call-arg, arg-type]
@@ -45,6 +46,12 @@ def _call(operator: ForceOperator, u: jax.Array) -> jax.Array:
     return operator(u)
 
 
+def _there_and_back(back: int, plan: Convolution, x: jax.Array) -> jax.Array:
+    """(fields, points) → Fourier space, and `back` of them back."""
+    spectra = plan._forth(x.reshape(len(x), *plan.cells))
+    return plan._back(jnp.concatenate([spectra] * -(-back // len(x)))[:back])
+
+
 def evaluate(model: str, way: str, n: int, horizon: float) -> dict:
     """One row."""
     fams, u = _body(n, horizon)
@@ -58,6 +65,11 @@ def evaluate(model: str, way: str, n: int, horizon: float) -> dict:
     if other in ways_of(MODELS[model], fams):
         known = force_operator(MODELS[model], fams, other)(u)
         error = float(jnp.max(jnp.abs(f - known)) / jnp.max(jnp.abs(known)))
+    if isinstance(operator.plan, Convolution):
+        forth, back = operator.plan.plan.transforms
+        x = jnp.zeros((forth, n**3)).at[:, 0].set(1.0)
+        _, floor = kernel(partial(_there_and_back, back), operator.plan, x)
+        row["transform_seconds"] = floor["seconds"]
     bonds = float(fams.count.sum())
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
     more = {"prepare_seconds": prepared, "nanoseconds_a_bond": 1e9 * row["seconds"] / bonds, "peak_GiB_so_far": peak}

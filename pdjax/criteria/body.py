@@ -111,6 +111,7 @@ def _full(scene: Scene, w: np.ndarray, root: np.ndarray) -> np.ndarray:
 
 
 def need_energy(scene: Scene) -> None:
+    """Refuse a scene whose model has no energy."""
     if not scene.model.hyperelastic:
         raise ValueError(f"{type(scene.model).__name__} has no energy: its Jacobian is not symmetric in any volumes")
 

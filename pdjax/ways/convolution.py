@@ -99,6 +99,21 @@ class Plan(NamedTuple):
     entries: int
     state: int
 
+    @property
+    def transforms(self) -> tuple[int, int]:
+        """Fields transformed forth and back in one evaluation."""
+        passes = [_fields(terms) for terms in (self.moments, self.forces)]
+        return sum(len(theres) for theres, _ in passes), sum(len(set(sums.values())) for _, sums in passes)
+
+
+def _fields(terms: tuple[Term, ...]) -> tuple[list[Monomial], dict[tuple[int, Monomial], tuple]]:
+    """What goes forth, and of which products every (entry, factor at home) is the sum that comes back."""
+    sums: dict[tuple[int, Monomial], list] = {}
+    for t in terms:
+        if t.there:
+            sums.setdefault((t.out, t.here), []).append((t.kernel, t.there, t.scale))
+    return list(dict.fromkeys(t.there for t in terms if t.there)), {key: tuple(s) for key, s in sums.items()}
+
 
 def make_plan(
     model: PointStateModel, grid: Grid, spacing: float, horizon: float, degree: int
@@ -176,23 +191,16 @@ class Convolution(eqx.Module):
             factors = [u[a] if a >= 0 else state[-1 - a] for a in monomial]
             return math.prod(factors[1:], start=factors[0]) if factors else None
 
-        theres = list(dict.fromkeys(t.there for t in terms if t.there))
-        forth = (
-            dict(zip(theres, self._forth(jnp.stack([jnp.asarray(value(m)) for m in theres])), strict=True))
-            if theres
-            else {}
-        )
-        sums: dict[tuple[int, Monomial], list] = {}
-        for t in terms:
-            if t.there:
-                sums.setdefault((t.out, t.here), []).append((t.kernel, t.there, t.scale))
-        specs = list(dict.fromkeys(tuple(s) for s in sums.values()))
+        theres, sums = _fields(terms)
+        fields = [jnp.asarray(value(m)) for m in theres]
+        forth = dict(zip(theres, self._forth(jnp.stack(fields)), strict=True)) if theres else {}
+        specs = list(dict.fromkeys(sums.values()))
         spectra = [sum(scale * self.transforms[k] * forth[m] for k, m, scale in spec) for spec in specs]
         back = dict(zip(specs, self._back(jnp.stack(spectra)), strict=True)) if specs else {}
         out: list[Any] = [0.0] * count
         for (entry, here), spec in sums.items():
             factor = value(here)
-            out[entry] = out[entry] + (back[tuple(spec)] if factor is None else factor * back[tuple(spec)])
+            out[entry] = out[entry] + (back[spec] if factor is None else factor * back[spec])
         for t in terms:
             if not t.there:
                 factor = value(t.here)
