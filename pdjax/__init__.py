@@ -3,13 +3,14 @@
 Write a material model once, for one family of bonds; get its forces, its exact Jacobian, its spectrum, its
 critical loads and their gradients; and the equilibria and motions of whole bodies with their spectra.
 The library follows the dtype of its inputs and never touches `jax.config`:
-for signs of eigenvalues, enable float64 first, `jax.config.update("jax_enable_x64", True)`.
+for signs of eigenvalues, enable float64 first, `jax.config.update("jax_enable_x64", True)`. One flag of XLA it sets,
+and says why (`pdjax._xla`): import it before the first computation.
 `pdjax.figures` and `pdjax.export` load matplotlib and meshio when they are first used, not before.
 """
 
 import importlib as _importlib
 
-from . import closed_forms, observers, scenes
+from . import _xla, closed_forms, observers, scenes
 from .atlas import Atlas, model_atlas, zero_energy_waves
 from .bench.advice import advise
 from .bloch import center_block, p_wave_modulus, symbol

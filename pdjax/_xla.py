@@ -1,0 +1,15 @@
+"""The one setting of XLA that pdjax makes, before the first program runs.
+
+On CPUs jaxlib 0.10 runs independent parts of a program side by side and can lose the end of one: the program then never
+returns, with every thread idle. Forward and reverse derivatives of a few margins in one `jit` (batched `eigh`s in
+conditionals) stop so within some ten calls, and never where the parts go one after the other; loops over bonds, maps
+and transforms take as long either way (each part uses all cores itself). What XLA_FLAGS already says of it stays. Importing this module sets it; in a process where JAX has run something
+before, it comes too late.
+"""
+
+import os
+
+FLAG = "--xla_cpu_enable_concurrency_optimized_scheduler"
+
+if FLAG not in os.environ.get("XLA_FLAGS", ""):
+    os.environ["XLA_FLAGS"] = f"{os.environ.get('XLA_FLAGS', '')} {FLAG}=false".strip()

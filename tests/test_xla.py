@@ -1,0 +1,30 @@
+"""The setting of XLA without which some programs never end."""
+
+import subprocess
+import sys
+
+import pytest
+
+import pdjax as pd
+
+PROBE = """
+import os
+{before}
+import pdjax
+print(os.environ["XLA_FLAGS"])
+"""
+
+
+@pytest.mark.parametrize(
+    "before, flags",
+    [
+        ("os.environ.pop('XLA_FLAGS', None)", "{flag}=false"),
+        ("os.environ['XLA_FLAGS'] = '--xla_force_host_platform_device_count=2'", "--xla_force_host_platform_device_count=2 {flag}=false"),
+        ("os.environ['XLA_FLAGS'] = '{flag}=true'", "{flag}=true"),
+    ],
+)  # fmt: skip
+def test_what_the_user_said_of_it_stays(before, flags):
+    flag = pd._xla.FLAG
+    code = PROBE.format(before=before.format(flag=flag))
+    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
+    assert found.strip() == flags.format(flag=flag)
