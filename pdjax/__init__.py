@@ -10,7 +10,8 @@ and says why (`pdjax._xla`): import it before the first computation.
 
 import importlib as _importlib
 
-from . import _xla, closed_forms, observers, scenes
+from . import _xla as _xla
+from . import closed_forms, observers, scenes
 from .atlas import Atlas, model_atlas, zero_energy_waves
 from .bench.advice import advise
 from .bloch import center_block, p_wave_modulus, symbol

@@ -15,14 +15,17 @@ print(os.environ["XLA_FLAGS"])
 """
 
 
+TWO = "--xla_force_host_platform_device_count=2"
+
+
 @pytest.mark.parametrize(
     "before, flags",
     [
         ("os.environ.pop('XLA_FLAGS', None)", "{flag}=false"),
-        ("os.environ['XLA_FLAGS'] = '--xla_force_host_platform_device_count=2'", "--xla_force_host_platform_device_count=2 {flag}=false"),
+        (f"os.environ['XLA_FLAGS'] = '{TWO}'", f"{TWO} {{flag}}=false"),
         ("os.environ['XLA_FLAGS'] = '{flag}=true'", "{flag}=true"),
     ],
-)  # fmt: skip
+)
 def test_what_the_user_said_of_it_stays(before, flags):
     flag = pd._xla.FLAG
     code = PROBE.format(before=before.format(flag=flag))
