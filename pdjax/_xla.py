@@ -1,10 +1,10 @@
 """The one setting of XLA that pdjax makes, before the first program runs.
 
-On CPUs jaxlib 0.10 runs independent parts of a program side by side and can lose the end of one: the program then never
-returns, with every thread idle. Forward and reverse derivatives of a few margins in one `jit` (batched `eigh`s in
+On CPUs jaxlib 0.10 runs independent parts of a program side by side and can lose the end of one: the program then
+never returns, with every thread idle. Forward and reverse derivatives of a few margins in one `jit` (batched `eigh`s in
 conditionals) stop so within some ten calls, and never where the parts go one after the other; loops over bonds, maps
-and transforms take as long either way (each part uses all cores itself). What XLA_FLAGS already says of it stays. Importing this module sets it; where JAX has run something before, it
-comes too late.
+and transforms take as long either way, for each part uses all cores itself. What XLA_FLAGS says of it already stays.
+Importing this module sets it; where JAX has run something before, it comes too late.
 """
 
 import os

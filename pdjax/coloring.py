@@ -76,6 +76,7 @@ def coloured_jacobian(model: AbstractModel, fams: Families, u, F=None) -> sp.csr
     Raises: ValueError as `force_density`.
     """
     check_model(model, fams)
+    fams.need_arrays()
     u = point_field(u, fams).astype(fams.xi.dtype)
     pattern = jacobian_pattern(fams, model.rings)
     colours = colouring(pattern)

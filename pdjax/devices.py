@@ -210,8 +210,7 @@ def _on_slabs(function: Callable, operator: SlabForce, data: tuple, specs: tuple
 def _force(operator: SlabForce, u: Array) -> Float[Array, "points dim"]:
     def one(o: SlabForce, u: Array) -> Array:
         assert o.reference is not None
-        model: Any = eqx.combine(o.varying, o.shared)
-        f = streamed_force(model, o.masked(), o.reference, o.with_halo(u), None, o.horizon)
+        f = streamed_force((o.varying, o.shared), o.masked(), o.reference, o.with_halo(u), None, o.horizon)
         return o.inner(f)
 
     return _on_slabs(one, operator, (u,), (operator.sharding.spec,), operator.sharding.spec)

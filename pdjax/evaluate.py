@@ -24,6 +24,7 @@ from .force import check_model, point_field, split_model, whole_force
 from .models.base import AbstractModel, PointStateModel
 from .neighbours import Families
 from .ways.convolution import Convolution
+from .ways.promises import check_promises
 from .ways.stream import reference_sums, streamed_force
 from .ways.walks import GridWalk, SlotWalk
 
@@ -37,7 +38,7 @@ def _refusal(model: AbstractModel, fams: Families, way: str) -> str | None:
     moments = isinstance(model, PointStateModel) and model.by_moments
     if way == "families":
         return "they were made with arrays=False" if fams.xi is None else None
-    if fams.grid is None:
+    if fams.grid is None or not _alike(fams):
         return "they do not come from a lattice (`pd.lattice`, `bar`, `plate`, `cuboid`, without weights of their own)"
     if not moments:
         return f"{type(model).__name__} has no point state made of sums over single bonds"
@@ -48,6 +49,14 @@ def _refusal(model: AbstractModel, fams: Families, way: str) -> str | None:
         if jax.tree.leaves(split_model(model, len(fams))[0]):
             return "a constant of the model varies from point to point"
     return None
+
+
+def _alike(fams: Families) -> bool:
+    """Whether all points have the volume of a cell, as far as it is known."""
+    if not is_concrete(fams.volumes):
+        return True
+    volumes = np.asarray(fams.volumes)
+    return bool((np.abs(volumes - volumes[0]) <= 1e-6 * volumes[0]).all())
 
 
 def ways_of(model: AbstractModel, fams: Families) -> tuple[str, ...]:
@@ -87,6 +96,11 @@ class ForceOperator(eqx.Module):
         if F is not None and self.way == "fft":
             raise ValueError("way 'fft' takes no mean deformation F; prepare with way='slices' or 'families'")
         u = point_field(u, self.families)
+        if self.plan is not None and jnp.issubdtype(u.dtype, jnp.complexfloating):
+            raise ValueError(
+                f"way {self.way!r} is for real u; got {u.dtype}: for derivatives use jax.jvp, or a body of fewer than"
+                f" {SMALL} bonds, whose force is one function of all bonds"
+            )
         return _evaluate(self, u, None if F is None else deformation_gradient(F, self.families.dim))
 
 
@@ -101,7 +115,7 @@ def _symmetric(fams: Families) -> bool:
 @eqx.filter_jit
 def _walked(model: PointStateModel, fams: Families, way: str, symmetric: bool) -> tuple[Any, Array]:
     walk = GridWalk.of(fams) if way == "slices" else SlotWalk.of(fams, symmetric)
-    return walk, reference_sums(model, walk, fams.dim, fams.horizon)
+    return walk, reference_sums(split_model(model, len(fams)), walk, fams.dim, fams.horizon)
 
 
 def _plan(model: AbstractModel, fams: Families, way: str) -> Any:
@@ -109,6 +123,7 @@ def _plan(model: AbstractModel, fams: Families, way: str) -> Any:
         return None
     if way == "families" and math.prod(fams.xi.shape[:2]) < SMALL:
         return None
+    check_promises(model, fams.dim)
     if way == "fft":
         return Convolution.of(model, fams, model.degree)
     return _walked(model, fams, way, way == "families" and _symmetric(fams))
@@ -124,7 +139,7 @@ def _evaluate(operator: ForceOperator, u: Array, F: Array | None) -> Float[Array
     if isinstance(operator.plan, Convolution):
         return operator.plan.force(model, u, fams.horizon)
     walk, reference = operator.plan
-    return streamed_force(model, walk, reference, u, gradient, fams.horizon)
+    return streamed_force(split_model(model, len(fams)), walk, reference, u, gradient, fams.horizon)
 
 
 def force_operator(model: AbstractModel, fams: Families, way: str = "auto", mean: bool = False) -> ForceOperator:

@@ -49,7 +49,7 @@ def families(body: Points, horizon: float, influence: Callable = constant_influe
     """Find every family of a body and pad them into arrays: by cKDTree, on a lattice by its stencil.
 
     Arguments: body of any dim; horizon δ [length]; influence (r, δ) → ω ≥ 0. arrays=False (lattices only) keeps the
-        stencil and no arrays over points and bonds: enough for forces, their derivatives and explicit dynamics.
+        stencil and no arrays over points and bonds: enough for forces and their derivatives; energies need bonds.
     Raises: ValueError for a horizon that is not finite or below the lattice spacing, duplicate points,
         a point without neighbours, a periodic box not longer than two horizons, a bad influence.
     """
@@ -61,10 +61,13 @@ def families(body: Points, horizon: float, influence: Callable = constant_influe
     least = 0.0 if body.spacing is None else body.spacing / (1 + TIE)
     if not (math.isfinite(horizon) and horizon > 0 and horizon >= least):
         raise ValueError(f"horizon must be finite, > 0 and at least one spacing ({body.spacing}); got {horizon}")
-    if body.cells is not None:
+    if body.uniform:
         return _of_lattice(body, horizon, influence, arrays)
     if not arrays:
-        raise ValueError("arrays=False is for lattices, whose families have one stencil; this body is a cloud")
+        raise ValueError(
+            "arrays=False is for lattices, whose families have one stencil; this body is a cloud, or has positions or"
+            " volumes of its own"
+        )
     lower, upper = _directed_pairs(body, horizon * (1 + TIE))
     i, j = np.concatenate([lower, upper]), np.concatenate([upper, lower])
     vectors = body.positions[j] - body.positions[i]

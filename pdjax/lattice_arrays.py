@@ -43,27 +43,27 @@ class LatticeArrays:
         grid = filled.reshape(body.cells)
         own = np.arange(points, dtype=np.int32)
         self.count = np.zeros(points, dtype=np.int32)
-        there = np.zeros((0 if arrays else points, len(offsets)), dtype=bool)
-        place = np.full(
-            (len(offsets) if arrays else 0, points), -1, dtype=np.int16
-        )  # slot of each offset at each point
+        small = np.int16 if len(offsets) < 2**15 else np.int32
+        place = np.full((len(offsets) if arrays else 0, points), -1, dtype=small)  # slot of each offset at each point
+        keys = np.zeros(points, dtype=np.uint64)
+        weights = np.frombuffer(np.random.default_rng(0).bytes(8 * len(offsets)), dtype=np.uint64)
         for b, offset in enumerate(offsets.tolist()):
             found = shifted(grid, tuple(offset), periodic).reshape(-1)[sites] >= 0
             if arrays:
                 place[b, found] = self.count[found]
             else:
-                there[:, b] = found
+                keys += np.where(found, weights[b], np.uint64(0))  # a family's sum tells it from every other
             self.count += found
         if not arrays:
-            packed = np.packbits(there, axis=1)
-            rows = packed.view([("", packed.dtype)] * packed.shape[1]).reshape(-1)
-            self.examples = np.unique(rows, return_index=True)[1]
-            self.patterns = there[self.examples]
+            self.examples = np.unique(keys, return_index=True)[1]
+            at = sites[self.examples]
+            chosen = [shifted(grid, tuple(o), periodic).reshape(-1)[at] >= 0 for o in offsets.tolist()]
+            self.patterns = np.array(chosen).reshape(len(offsets), -1).T
             return
         width = int(self.count.max())
         self.neighbours = np.broadcast_to(own[:, None], (points, width)).copy()
         self.reverse = np.broadcast_to(np.arange(width, dtype=np.int32)[None, :], (points, width)).copy()
-        self.offset = np.full((points, width), -1, dtype=np.int16)
+        self.offset = np.full((points, width), -1, dtype=small)
         for b, offset in enumerate(offsets.tolist()):
             j = shifted(grid, tuple(offset), periodic).reshape(-1)[sites]
             i = np.flatnonzero(j >= 0)

@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Float, Inexact, Int
 
 from ._checks import require
 from .influence import constant_influence
@@ -175,18 +175,22 @@ class Families(eqx.Module):
         """Of everything real here."""
         return self.volumes.dtype
 
-    def bonds(self, u: Float[Array, "points dim"], F: Float[Array, "dim dim"] | None = None) -> Bonds:
+    def bonds(self, u: Inexact[Array, "points dim"], F: Float[Array, "dim dim"] | None = None) -> Bonds:
         """All bonds under the displacement u [length] on top of the mean deformation F (None: identity)."""
-        if self.xi is None:
-            raise ValueError(
-                "these families of a lattice were made with arrays=False and hold no bonds: that is enough for"
-                " force_density, jvp and simulate; for anything else make them with arrays=True"
-            )
+        self.need_arrays()
         eta = u[self.neighbours] - u[:, None, :]
         if F is not None:
             eta = eta + self.xi @ (F - jnp.eye(self.dim, dtype=self.xi.dtype)).T
         horizon = jnp.broadcast_to(self.horizon, (len(self),))
         return Bonds(self.xi, eta, self.influence * self.weight, self.volumes[self.neighbours], horizon)
+
+    def need_arrays(self) -> None:
+        """Refuse families without arrays."""
+        if self.xi is None:
+            raise ValueError(
+                "these families of a lattice were made with arrays=False and hold no bonds: that is enough for"
+                " force_density, force_operator, jvp and slab_force; energies, motions and matrices need arrays=True"
+            )
 
     def reversed(self, bonds: Bonds) -> Bonds:
         """Every bond as seen from its other end: (−ξ, −η, ω_ji, V_i)."""
@@ -196,6 +200,7 @@ class Families(eqx.Module):
 
     def with_weight(self, weight: Float[Array, "points bonds"]) -> "Families":
         """The families with bond weights β ∈ [0, 1] times the present ones (padding stays 0)."""
+        self.need_arrays()
         weight = _weight(weight, self.weight.shape)
         lost = eqx.tree_at(lambda f: f.grid, self, None, is_leaf=lambda x: x is None)
         return eqx.tree_at(lambda f: f.weight, lost, self.weight * weight)

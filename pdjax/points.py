@@ -35,6 +35,18 @@ class Points(eqx.Module):
     def dim(self) -> int:
         return self.positions.shape[1]
 
+    @property
+    def uniform(self) -> bool:
+        """Whether the points are still the cells of a lattice, all with the volume of a cell."""
+        if self.cells is None or self.spacing is None:
+            return False
+        sites = np.arange(len(self)) if self.sites is None else self.sites
+        centres = (np.stack(np.unravel_index(sites, self.cells), axis=1) + 0.5) * self.spacing
+        return bool(
+            np.allclose(self.positions, centres, rtol=0, atol=1e-9 * self.spacing)
+            and np.allclose(self.volumes, self.spacing**self.dim, rtol=1e-9, atol=0)
+        )
+
     def __len__(self) -> int:
         return self.positions.shape[0]
 

@@ -23,7 +23,7 @@ from jaxtyping import Array, Bool, Float, Int
 from ._checks import deformation_gradient, is_concrete
 from .conditions import BodyForce, Condition, HomogeneousTraction, Prescribed, TotalForce, check_points
 from .evaluate import ForceOperator, force_density, force_operator
-from .force import body_bonds
+from .force import check_model
 from .models.base import AbstractModel
 from .neighbours import Families
 from .points import Points
@@ -236,14 +236,14 @@ def scene(
     if mean is not None and body.period is None:
         raise ValueError("mean deformation is for periodic bodies; prescribe displacements of this one instead")
     shape = (len(body), body.dim)
-    body_bonds(model, fams, jnp.zeros(shape))  # refuses families the model can't use
-    held, value = _prescribe(conditions, shape, 16 * float(jnp.finfo(fams.xi.dtype).eps))
+    check_model(model, fams)  # refuses families the model can't use
+    held, value = _prescribe(conditions, shape, 16 * float(jnp.finfo(fams.dtype).eps))
     if held.all():
         raise ValueError("the body is over-constrained: every displacement is prescribed and nothing is left to solve")
     if not moving:
         _check_held(body, fams, held)
     load = _load(conditions, body, fams, model, held)
-    real = fams.xi.dtype
+    real = fams.dtype
     if closed_form is not None:
         closed_form = jnp.asarray(closed_form, dtype=real)
         if closed_form.shape != shape:

@@ -136,6 +136,21 @@ def test_device_report_gives_fractions_of_what_was_measured(tmp_path):
     assert [line.split()[:3] for line in lines[6:]] == [["0.200", "0.2000", "0.5"]]  # 1e8/0.5/1e9, 1e9/0.5/1e10
 
 
+LARGE = [name for name in cases.CASES if name not in ("start", device.ROOFS, "jacobians", "ways")]
+
+
+@pytest.mark.parametrize("name", ["jacobians", "ways", *(pytest.param(n, marks=pytest.mark.long) for n in LARGE)])
+def test_a_task_of_every_kind_gives_a_row(name):
+    """The first planned of each method at small sizes: what it calls is there, and right."""
+    kinds = {}
+    for task in cases.CASES[name].plan(True):
+        kinds.setdefault(task.method, task)
+    for task in kinds.values():
+        row = task.measure()
+        assert row["seconds"] > 0 and row["error"] is not None
+        assert row["error"] < {"jacobians": 1e-2, "ways": 1e-13}.get(name, 10)  # 3e-3 (the largest step); 2e-15
+
+
 ROWS = {
     "slow": {"n": 400, "N": 3, "seconds": 2.0, "error": 1e-3},
     "middle": {"n": 100, "N": 3, "seconds": 0.5, "error": 1e-2},
@@ -189,3 +204,15 @@ def test_advice_that_cannot_be_given_says_what_there_is(step_bar, tmp_path):
     measured(tmp_path, "other", cpu="slide rule")
     with pytest.raises(ValueError, match="from 2 machines, whose times can't be compared: slide rule, abacus"):
         pd.advise("singular-bar", 0.05, data=tmp_path)
+
+
+def test_advice_on_several_loads_takes_the_worst(tmp_path):
+    """A criterion that is right at one load by luck is no advice."""
+    rows = [
+        {"method": m, "settings": {"scene": "critical-load", "load": a}, "dtype": "float64", "seconds": s, "error": e}
+        for m, a, s, e in (("lucky", "a", 0.1, 1e-4), ("lucky", "b", 0.1, 0.9), ("sure", "a", 1.0, 1e-3),
+                           ("sure", "b", 3.0, 1e-4), ("alone", "a", 0.1, 1e-4))
+    ]  # fmt: skip
+    (tmp_path / "criteria.json").write_text(json.dumps({"machine": {"cpu": "abacus"}, "settings": {}, "rows": rows}))
+    found = pd.advise("critical-load", 1e-2, data=tmp_path)
+    assert (found.method, found.error, found.seconds) == ("sure", 1e-3, 2.0)

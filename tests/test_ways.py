@@ -1,6 +1,9 @@
 """Every way to evaluate a body gives the same force density; the reference is the general path, all bonds at once."""
 
+from dataclasses import replace
+
 import bodies
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -149,6 +152,134 @@ def test_the_operator_compiles_once_and_is_what_scenes_use():
         u = 0.02 * jnp.asarray(bodies.random(5).normal(size=body.positions.shape))
         assert relative(f(operator, u), whole_force(model, fams, fams.bonds(u))) < 1e-13  # measured: 2e-15
     assert len(traced) == 1
+
+
+class Dashpots(pd.PointStateModel):
+    """Bonds that pull with the mean stretch of their family to a power; what it promises is set from outside."""
+
+    power: int
+    odd: bool = False
+    hyperelastic = False
+
+    def moments(self, bond):
+        w, g = bond.omega * bond.volume, jnp.vdot(bond.xi, bond.eta)
+        return w, w * bond.eta[0] if self.odd else w * g**self.power
+
+    def state(self, sums):
+        return sums.deformed / sums.reference
+
+    def bond_force(self, here, there, bond):
+        return bond.omega * here * (bond.xi + bond.eta)
+
+
+class Promising(Dashpots):
+    additive = True
+
+
+class Linear(Promising):
+    degree = 1
+
+
+class Squared(Promising):
+    def bond_force(self, here, there, bond):
+        return bond.omega * here**2 * bond.xi
+
+
+@pytest.mark.parametrize(
+    "model, broken",
+    [
+        (Promising(2), None),
+        (Linear(1), None),
+        (Linear(2), "degree"),
+        (Promising(1, True), "even"),
+        (Squared(1), "additive"),
+    ],
+)
+def test_a_promise_that_does_not_hold_is_refused(model, broken):
+    """Of a model of one's own; by sums over single bonds it would go wrong without a word."""
+    body = pd.lattice((7, 5), 0.5)
+    fams = pd.families(body, 1.01)
+    u = 0.02 * jnp.asarray(bodies.random(12).normal(size=body.positions.shape))
+    if broken:
+        with pytest.raises(ValueError, match=f"promises {broken} ="):
+            pd.force_density(model, fams, u, way="slices")
+        return
+    for way in ways_of(model, fams):
+        found = pd.force_density(model, fams, u, way=way)
+        assert relative(found, whole_force(model, fams, fams.bonds(u))) < 1e-13, way  # measured: 1e-15
+
+
+def test_a_lattice_with_volumes_or_places_of_its_own_is_a_cloud():
+    body = pd.lattice((7, 5), 0.5)
+    volumes = np.linspace(1, 2, 35)
+    for changed in (replace(body, volumes=volumes), replace(body, positions=body.positions + 0.01 * volumes[:, None])):
+        fams = pd.families(changed, 1.01)
+        alone = pd.families(pd.cloud(changed.positions, changed.volumes), 1.01)
+        u = 0.02 * jnp.asarray(bodies.random(13).normal(size=body.positions.shape))
+        assert ways_of(table.MODELS["lps"], fams) == ("families",)
+        assert relative(*(pd.force_density(table.MODELS["lps"], f, u) for f in (fams, alone))) < 1e-14  # measured: 0
+        with pytest.raises(ValueError, match="positions or volumes of its own"):
+            pd.families(changed, 1.01, arrays=False)
+    fams = eqx.tree_at(lambda f: f.volumes, pd.families(body, 1.01), jnp.asarray(volumes))
+    assert ways_of(table.MODELS["lps"], fams) == ("families",)
+
+
+def test_gradients_are_finite_where_there_is_no_point():
+    """Holes far from the body's own displacement; constants by which a law divides."""
+    body = pd.lattice((9, 7), 0.5, mask=np.arange(63).reshape(9, 7) < 40)
+    lean = pd.families(body, 1.01, arrays=False)
+    u = 0.02 * jnp.asarray(bodies.random(14).normal(size=body.positions.shape)) + jnp.asarray([3.0, 0.0])
+    model = pd.Correspondence(pd.NeoHookean(1.0, 1.0))
+
+    def slope(way):
+        return jax.grad(lambda v: jnp.sum(pd.force_density(model, lean, v, way=way) ** 2))(u)
+
+    assert relative(slope("fft"), slope("slices")) < 1e-10  # measured: 3e-14
+
+    def stiffness(mu, way):
+        fung = pd.EnergyLaw(lambda E, c: c[0] / c[1] ** 2 * jnp.sum(jnp.exp(c[1] * E) - c[1] * E), "E", (mu, alpha))
+        return jnp.sum(pd.force_density(pd.Correspondence(fung), fams, u, way=way) ** 2)
+
+    fams, alpha = pd.families(body, 1.01), jnp.linspace(2, 3, len(body))
+    by_way = [jax.grad(stiffness)(1.0, way) for way in ("slices", "families")]
+    assert abs(by_way[0] / by_way[1] - 1) < 1e-12  # measured: 1e-15
+
+
+def test_constants_of_another_kind_go_every_way():
+    """float32 among float64; a law that solves with its constants; F of `linearised` traced; u that is not real."""
+    body = pd.lattice((7, 5), 0.5)
+    fams = pd.families(body, 1.01)
+    u = 0.02 * jnp.asarray(bodies.random(15).normal(size=body.positions.shape))
+    A = jnp.asarray([[2.0, 0.3], [0.3, 1.5]])
+    solving = pd.EnergyLaw(lambda E, c: 0.5 * jnp.sum(E * jnp.linalg.solve(c, E)), "E", A)
+    single = pd.LPS(jnp.linspace(1, 2, 35, dtype=jnp.float32), 1.0)
+    for model in (pd.Correspondence(solving), single):
+        expected = whole_force(model, fams, fams.bonds(u))
+        for way in ("slices", "families"):
+            assert relative(pd.force_density(model, fams, u, way=way), expected) < 1e-13  # measured: 1e-15
+    F = jnp.asarray(bodies.deformation(2, 16))
+    tangent = pd.linearised(table.MODELS["seth_hill m=1"], F)
+    by_jit = jax.jit(lambda F: pd.force_density(pd.linearised(table.MODELS["seth_hill m=1"], F), fams, u))(F)
+    assert relative(by_jit, pd.force_density(tangent, fams, u, way="fft")) < 1e-13  # measured: 2e-15
+    with pytest.raises(ValueError, match="is for real u; got complex128"):
+        pd.force_density(table.MODELS["lps"], fams, u + 1j, way="slices")
+
+
+def test_families_without_arrays_are_enough_for_what_they_promise():
+    """jvp and a loop of one's own; the rest says what is missing."""
+    body = pd.lattice((7, 5), 0.5)
+    fams, lean = (pd.families(body, 1.01, arrays=arrays) for arrays in (True, False))
+    u = 0.02 * jnp.asarray(bodies.random(17).normal(size=body.positions.shape))
+    model = table.MODELS["lps"]
+    assert relative(*(pd.jvp(model, f, u, 2 * u) for f in (lean, fams))) < 1e-13  # measured: 1e-15
+    moving = pd.motion(pd.scene(body, lean, model, moving=True), start=u)
+    for refused in (
+        lambda: pd.jacobian(model, lean, u, "coloured"),
+        lambda: lean.with_weight(jnp.ones((35, 8))),
+        lambda: pd.simulate(moving, 0.1),
+    ):
+        with pytest.raises(ValueError, match="arrays=False"):
+            refused()
 
 
 def test_bad_ways_say_which_are_good():

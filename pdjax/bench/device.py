@@ -8,6 +8,7 @@ bytes and flops that the compiler counts; bytes served by caches count too, so a
 that memory is not what limits.
 """
 
+import math
 import re
 from collections.abc import Iterator
 from functools import partial
@@ -70,10 +71,11 @@ def device_name() -> str:
 
 def roofs(rows: list[dict]) -> dict[str, dict[str, float]]:
     """Best rates by method and dtype."""
-    return {
-        method: {d: max(r["rate"] for r in rows if r["method"] == method and r["dtype"] == d) for d in DTYPES}
-        for method in ("triad", "matmul")
-    }
+
+    def best(method: str, dtype: str) -> float:
+        return max((r["rate"] for r in rows if (r["method"], r["dtype"]) == (method, dtype)), default=math.nan)
+
+    return {method: {d: best(method, d) for d in DTYPES} for method in ("triad", "matmul")}
 
 
 def report(folder: Path, quick: bool) -> str:

@@ -73,7 +73,7 @@ def machine() -> dict:
         cores = sum(line.startswith("processor") for line in lines)
     except (OSError, StopIteration):
         pass
-    versions = {name: version(name) for name in ("jax", "numpy", "scipy", "diffrax")}
+    versions = {name: version(name) for name in ("pdjax", "jax", "numpy", "scipy", "diffrax")}
     return {
         "cpu": cpu,
         "cores": cores,

@@ -24,7 +24,7 @@ from ..coloring import coloured_jacobian
 from ..evaluate import force_density
 from ..family_search import families
 from ..force import whole_force
-from ..kinematics import displacement_gradient, shape_tensor_K, solve_positive
+from ..kinematics import gradient_of_moments, solve_positive
 from ..laws import LinearElastic
 from ..models import Correspondence
 from ..points import lattice
@@ -41,12 +41,12 @@ class WrittenOut(Correspondence):
 
     law: LinearElastic
 
-    def law_state(self, bonds):
-        H = displacement_gradient(bonds)
+    def law_state(self, sums):
+        H = gradient_of_moments(sums.reference, sums.deformed)
         E = (H + H.T + H.T @ H) / 2
         S = self.law.lam * jnp.trace(E) * jnp.eye(H.shape[0]) + 2 * self.law.mu * E
         P = (jnp.eye(H.shape[0]) + H) @ S
-        return solve_positive(shape_tensor_K(bonds), P.T).T
+        return solve_positive(sums.reference, P.T).T
 
 
 def columns(one, size: int):

@@ -63,10 +63,10 @@ class AbstractModel(eqx.Module):
     moment; `affine_exact` every affine map gives the law's exact stress, at surfaces too; `moduli_exact`
     the tangent at rest inside a lattice is the law's; `rings` how many rings of
     neighbours the force on a point reaches; `needs_other_end` a bond's force needs the state of its far end; `even` the
-    point state of a family is that of its mirror image, ξ → −ξ; `additive` a bond's force is linear in the point state
-    (or has none) and odd in the bond, t(A, −ξ, −η) = −t(A, ξ, η), so that t(A_i) − t(A_j, −bond) = t(A_i + A_j);
-    `degree` moments and bond force are polynomials in η of this degree (0: they are not); `dims` the dimensions it is
-    defined in.
+    point state of a family is that of its mirror image, ξ → −ξ, and so is what each bond adds to its sums; `additive` a
+    bond's force is linear in the point state (or has none) and odd in the bond, t(A, −ξ, −η) = −t(A, ξ, η), so that
+    t(A_i) − t(A_j, −bond) = t(A_i + A_j); `degree` moments are polynomials in η of this degree and the bond force one
+    of degree 1, both in proportion to ω V (0: they are not); `dims` the dimensions it is defined in.
     """
 
     hyperelastic: ClassVar[bool] = True

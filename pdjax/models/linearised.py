@@ -13,7 +13,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .._checks import deformation_gradient
+from .._checks import deformation_gradient, is_concrete
 from ..neighbours import Bonds
 from .base import PointStateModel, Sums
 
@@ -30,9 +30,10 @@ class Linearised(PointStateModel):
 
     @property
     def degree(self) -> int:  # type: ignore[override]
-        """1, but for a control whose force does not grow with ω, as convolutions need it."""
+        """1 where F and the constants are known; 0 for a control whose force does not grow with ω, as convolutions need
+        it."""
         control = getattr(self.base, "control", None)
-        return 1 if control is None or control.degree else 0
+        return 1 if is_concrete(self) and (control is None or control.degree) else 0
 
     @property
     def rings(self) -> int:  # type: ignore[override]

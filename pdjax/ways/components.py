@@ -190,7 +190,7 @@ def _batched(eqn: Any, operands: list[Components]) -> list[Components]:
     """Any other operation: stacked, batched, taken apart."""
     given = {v: x for v, x in zip(eqn.invars, operands, strict=True) if not isinstance(v, core.Literal)}
     lengths = [np.shape(e) for x in given.values() for e in x.reshape(-1) if np.ndim(e)]
-    points = lengths[0][0] if lengths else 1
+    points = max((n[0] for n in lengths), default=1)  # 1: an earlier result of constants alone
     alone = core.jaxpr_as_fun(core.ClosedJaxpr(core.Jaxpr((), [*given], eqn.outvars, [eqn]), ()))
     arrays = [join(x, points).astype(v.aval.dtype) for v, x in given.items()]
     return [split(y) for y in jax.vmap(alone, -1, -1)(*arrays)]

@@ -54,7 +54,7 @@ class Kernels:
         """(number, scale) of a row that is not zero."""
         scale = row[np.argmax(np.abs(row) > 0.5 * np.abs(row).max())]
         unit = row / scale
-        key = np.round(unit, 10).tobytes()
+        key = (np.round(unit, 10) + 0.0).tobytes()  # −0 is 0
         if key not in self.known:
             self.known[key] = len(self.rows)
             self.rows.append(unit)
@@ -215,6 +215,7 @@ class Convolution(eqx.Module):
         dim = u.shape[1]
         sums = self._sum(self.plan.moments, self.plan.entries, U, U[:0])
         deformed = jnp.stack([U[0], *sums])[1:]  # U[0]: a stack of nothing has no shape
+        deformed = jnp.where(self.filled > 0, deformed, 0.0)  # what a hole has may have no derivative
         reference, deformed = (x.reshape(x.shape[0], math.prod(self.cells)) for x in (self.reference, deformed))
         rows = state_rows(model, dim, real, (reference, deformed), horizon)
         state = jnp.stack([U[0], *(jnp.where(self.filled > 0, r.reshape(self.cells), 0.0) for r in rows)])[1:]

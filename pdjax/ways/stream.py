@@ -18,7 +18,6 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..force import split_model
 from ..models.base import PointStateModel, Sums
 from ..neighbours import Bonds
 from .components import by_components, join
@@ -31,13 +30,20 @@ def _flat(x: Array) -> Array:
 
 
 class _Varying:
-    """The constants of a model that vary from point to point, laid out by a walk."""
+    """The constants of a model that vary from point to point, laid out by a walk: `split` as by `split_model`."""
 
-    def __init__(self, model: PointStateModel, walk: Walk | None = None, points: int = -1):
-        varying, self.shared = split_model(model, points)
+    def __init__(self, split: tuple[Any, Any], walk: Walk):
+        varying, self.shared = split
         leaves, self.structure = jax.tree.flatten(varying)
         self.shapes = [x.shape[1:] for x in leaves]
-        self.rows = [_rows(walk, walk.embed(_flat(x))) for x in leaves]
+        self.first = [x[0].astype(walk.volumes.dtype) for x in leaves]
+        self.rows = [_rows(walk, self._laid(walk, x)) for x in leaves]
+
+    @staticmethod
+    def _laid(walk: Walk, x: Array) -> Array:
+        """(components, flat); where there is no point, the first point's: nothing is divided by 0."""
+        x = _flat(x.astype(walk.volumes.dtype))
+        return walk.embed(x) if walk.filled is None else jnp.where(walk.filled > 0, walk.embed(x), x[0][:, None])
 
     def __bool__(self) -> bool:
         return bool(self.rows)
@@ -47,8 +53,8 @@ class _Varying:
         return [_trees(None, [s], [read(row) for row in x]) for x, s in zip(self.rows, self.shapes, strict=True)]
 
     def single(self) -> PointStateModel:
-        """The model with the constants of one point, for shapes."""
-        return self.model([jnp.zeros(s) for s in self.shapes])
+        """The model with the constants of the first point."""
+        return self.model(self.first)
 
     def model(self, leaves: list) -> PointStateModel:
         return eqx.combine(jax.tree.unflatten(self.structure, leaves), self.shared)
@@ -140,19 +146,19 @@ def _trees(structure: Any, shapes: list[tuple[int, ...]], rows: Any) -> Any:
     return jax.tree.unflatten(structure, leaves) if structure is not None else leaves[0]
 
 
-def _in_pairs(model: PointStateModel, walk: Walk, varying: _Varying) -> bool:
+def _in_pairs(walk: Walk, varying: _Varying) -> bool:
     """Whether what a bond gives its two ends is the same but for the sign: on a lattice of one material."""
+    model = varying.single()
     return model.even and model.additive and not model.degree and isinstance(walk, GridWalk) and not varying
 
 
-def _sum_moments(model: PointStateModel, walk: Walk, which: int, u: Array, gradient, horizon) -> Array:
+def _sum_moments(varying: _Varying, walk: Walk, which: int, u: Array, gradient, horizon) -> Array:
     """One tree of moments summed over every family: (entries, flat)."""
     dim, dtype = u.shape[0], u.dtype
-    varying = _Varying(model, walk, walk.collect(walk.volumes[None]).shape[0])
     _, shapes = _sizes(varying.single(), which, dim, dtype)
     count = sum(int(np.prod(s)) for s in shapes)
     opened, volumes = _rows(walk, u), walk.open(walk.volumes)
-    pairs = 1.0 if _in_pairs(model, walk, varying) else 0.0
+    pairs = 1.0 if _in_pairs(walk, varying) else 0.0
 
     def moments(leaves, bond):
         return varying.model(leaves).moments(bond)[which]
@@ -171,29 +177,33 @@ def _sum_moments(model: PointStateModel, walk: Walk, which: int, u: Array, gradi
     return jnp.stack(total) if count else jnp.zeros((0, flat), dtype)
 
 
-def reference_sums(model: PointStateModel, walk: Walk, dim: int, horizon: Array) -> Float[Array, "entries flat"]:
-    """Σ of the first tree of `moments`; where there is no point, what a full family has: nothing is singular."""
+def reference_sums(split: tuple[Any, Any], walk: Walk, dim: int, horizon: Array) -> Float[Array, "entries flat"]:
+    """Σ of the first tree of `moments`; where there is no point, what a full family has: nothing is singular.
+
+    `split`: (leaves of the model that vary from point to point, the rest), as by `split_model`.
+    """
     dtype = walk.volumes.dtype
     u = jnp.zeros((dim, walk.volumes.shape[0]), dtype)
-    sums = _sum_moments(model, walk, 0, u, None, horizon)
+    varying = _Varying(split, walk)
+    sums = _sum_moments(varying, walk, 0, u, None, horizon)
     if walk.filled is None:
         return sums
-    varying = _Varying(model, walk, walk.collect(walk.volumes[None]).shape[0])
-    first = varying.model(
-        [jnp.stack([r[walk.margin] for r in x]).reshape(s) for x, s in zip(varying.rows, varying.shapes, strict=True)]
-    )
+    first = varying.single()
     bonds = Bonds(walk.xi, jnp.zeros_like(walk.xi), walk.omega, jnp.full(len(walk.xi), walk.cell), horizon)
     full = jax.vmap(lambda x, e, w, v: first.moments(Bonds(x, e, w, v, horizon))[0])(*bonds[:4])
     rows = jnp.concatenate([jnp.zeros(0, dtype), *(x.sum(axis=0).reshape(-1) for x in jax.tree.leaves(full))])
     return jnp.where(walk.filled > 0, sums, rows[:, None])
 
 
-def _states(varying: _Varying, own: list, dim: int, dtype: Any, sums: tuple[Array, Array], horizon: Array):
-    """The point states from both sums (entries, flat): structure, shapes, and rows (flat,), one an entry."""
-    trees = [_sizes(varying.single(), k, dim, dtype) for k in (0, 1)]
+def _states(single: PointStateModel, of: Callable, own: list, dim: int, dtype: Any, sums: tuple, horizon: Array):
+    """The point states from both sums (entries, flat): structure, shapes, and rows (flat,), one an entry.
+
+    `single`: a model of one point, for shapes; `of`(constants) → model, `own`: these constants by components.
+    """
+    trees = [_sizes(single, k, dim, dtype) for k in (0, 1)]
 
     def state_of(leaves, reference, deformed, horizon):
-        return varying.model(leaves).state(Sums(reference, deformed, horizon, dim))
+        return of(leaves).state(Sums(reference, deformed, horizon, dim))
 
     both = [_trees(*tree, rows) for tree, rows in zip(trees, sums, strict=True)]
     state = by_components(state_of, dtype)(own, *both, _one(horizon))
@@ -204,23 +214,24 @@ def _states(varying: _Varying, own: list, dim: int, dtype: Any, sums: tuple[Arra
 
 def state_rows(model: PointStateModel, dim: int, dtype: Any, sums: tuple[Array, Array], horizon: Array) -> list:
     """The point states of a model of one material from both sums (entries, points), entry by entry."""
-    return _states(_Varying(model), [], dim, dtype, sums, horizon)[2]
+    return _states(model, lambda leaves: model, [], dim, dtype, sums, horizon)[2]
 
 
 def streamed_force(
-    model: PointStateModel, walk: Walk, reference: Array, u: Float[Array, "points dim"], gradient: Any, horizon: Array
+    split: tuple[Any, Any], walk: Walk, reference: Array, u: Float[Array, "points dim"], gradient: Any, horizon: Array
 ) -> Float[Array, "points dim"]:
-    """f of every point, in two passes; `gradient` is F − I of a mean deformation, or None."""
-    points, dim = u.shape
-    dtype = walk.volumes.dtype
-    varying = _Varying(model, walk, points)
+    """f of every point, in two passes; `split` as for `reference_sums`; `gradient` is F − I of a mean deformation, or
+    None."""
+    dim, dtype = u.shape[1], walk.volumes.dtype
+    varying = _Varying(split, walk)
+    model = varying.single()
     U = walk.embed(u.astype(dtype))
-    deformed = _sum_moments(model, walk, 1, U, gradient, horizon)
+    deformed = _sum_moments(varying, walk, 1, U, gradient, horizon)
     mine = varying.components(walk.here)
-    structure, shapes, rows = _states(varying, mine, dim, dtype, (reference, deformed), horizon)
+    structure, shapes, rows = _states(model, varying.model, mine, dim, dtype, (reference, deformed), horizon)
     states = _rows(walk, walk.renew(jnp.stack(rows))) if rows else []
     opened, volumes = _rows(walk, U), walk.open(walk.volumes)
-    pairs = -1.0 if _in_pairs(model, walk, varying) else 0.0
+    pairs = -1.0 if _in_pairs(walk, varying) else 0.0
     alike = model.additive and walk.back is None and not varying
     u_here, a_here = ([walk.here(x) for x in rows] for rows in (opened, states))
     here = _trees(structure, shapes, a_here)
