@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Inexact, Int
+from jaxtyping import Array, Float, Int
 
 from ._checks import require
 from .influence import constant_influence
@@ -175,7 +175,7 @@ class Families(eqx.Module):
         """Of everything real here."""
         return self.volumes.dtype
 
-    def bonds(self, u: Inexact[Array, "points dim"], F: Float[Array, "dim dim"] | None = None) -> Bonds:
+    def bonds(self, u: Float[Array, "points dim"], F: Float[Array, "dim dim"] | None = None) -> Bonds:
         """All bonds under the displacement u [length] on top of the mean deformation F (None: identity)."""
         self.need_arrays()
         eta = u[self.neighbours] - u[:, None, :]
