@@ -105,7 +105,7 @@ def nonlocality(n: dict) -> Found:
     diagonal, at_once = list(n["1D diagonal"].values()), n["1D symbol fails at once"]
     grows = all(a < b < 0 for a, b in pairwise(diagonal))
     ours = f"of the diagonal; the symbol's a_cr is 0 at N = {', '.join(str(N) for N, yes in at_once.items() if yes)}"
-    return ours, judge(grows and not any(at_once.values()))
+    return ours, judge(grows and not any(at_once.values()), grows)
 
 
 def volume(n: dict) -> Found:
@@ -169,10 +169,12 @@ def hencky(n: dict) -> Found:
 def dimension(n: dict) -> Found:
     """Remark 5, of the exact diagonal with λ = μ = 1."""
     one, two, three = n["diagonal of λ = μ = 1, N = 3"].values()
-    ours = f"of the diagonal ({', '.join(_signed(a) for a in (one, two, three))}, λ = μ = 1)"
+    ours = (
+        f"of the diagonal, {', '.join(_signed(a) for a in (one, two, three))} (λ = μ = 1): {two / one:.2f} of 1D in 2D"
+    )
     if all(m < 1 for m in n["order above which compression fails at once, N = 3"].values()):
         ours += "; the symbol's load is 0 in each"
-    return ours, judge(one < two < three < 0)
+    return ours, judge(one < two < three < 0 and close(two / one, 0.5, 0.05), one < two < three < 0)
 
 
 # --- the maps
@@ -208,7 +210,7 @@ def discretisation(n: dict) -> Found:
     one = {N: c for N, (c, _) in once["m = 1"].items()}
     some_side = all(c or t for cases in once.values() for c, t in cases.values())
     ours = f"of the diagonal; the symbol fails at once, in {'; '.join(N for N, yes in one.items() if yes)}"
-    return ours, judge(not some_side)
+    return ours, judge(not some_side, some_side)
 
 
 def logarithmic(n: dict) -> Found:
@@ -227,8 +229,9 @@ def logarithmic(n: dict) -> Found:
 def source(n: dict) -> Found:
     """Section 6.3."""
     down, up = n["the law itself, m = 1"], n["the law itself, m = −1"]
-    ours = f"2D hydrostatic: m = 1 at {percent(down)}, m = −1 at {percent(up)}; the lattice at 0"
-    return ours, judge(down < 0 < up)
+    lattice = n["fails at once [compression, tension]"]["m = 1"]["2D, N = 3"][0]
+    ours = f"2D hydrostatic: m = 1 at {percent(down)}, m = −1 at {percent(up)}; the lattice, m = 1, at 0"
+    return ours, judge(lattice and -0.3 < down < -0.1 and 0.1 < up < 0.3)
 
 
 def stabilised(n: dict) -> Found:
@@ -308,11 +311,13 @@ def step_size(n: dict) -> Found:
     """Section 5.2."""
     at = {s: next(r for r in n["outcomes"] if r["strain"] == s and r["method"] == "newton") for s in (-1e-4, -1e-3)}
     exact, far = at[-1e-4], at[-1e-3]
+    fifth = next(r for r in n["outcomes"] if r["strain"] == -1e-3 and r["method"] == "newton, steps of a fifth")
     ours = (
         f"the state itself is a {exact['homogeneous']} ({exact['its positive']} positive at −0.01 %,"
-        f" {far['its positive']} at −0.1 %); Newton finds that {exact['kind']}, then an alternating {far['kind']}"
+        f" {far['its positive']} at −0.1 %); Newton finds that {exact['kind']}, then an alternating {far['kind']};"
+        f" in steps of a fifth a {fifth['kind']}, {fifth['distance']:.0e} from the homogeneous state"
     )
-    return ours, judge(all(r["homogeneous"] == "minimum" for r in at.values()))
+    return ours, judge(all(r["homogeneous"] == "minimum" for r in at.values()), fifth["distance"] < 1e-6)
 
 
 def step_region(n: dict) -> Found:
@@ -386,4 +391,4 @@ def waves_large(n: dict) -> Found:
         f"ω depends on where it is read ({here:.3f} at X = 0, {there:.3f} at 2h) and on the sign of u₀;"
         f" a real wave's moves by {shift:.2f} u₀²"
     )
-    return ours.replace("-", "−").replace("j", "i"), judge(one)
+    return ours.replace("-", "−").replace("j", "i"), judge(one, not one)
