@@ -143,20 +143,20 @@ def draw(numbers: dict, quick: bool) -> Figure:
         on.set_xlabel("horizon over spacing N  [–]")
         on.set_ylabel("critical load a_cr  [%]")
         on.set_xticks(list(at_once))
-        on.legend(fontsize=8, frameon=False, loc="lower right")
+        on.legend(fontsize=8, frameon=False, loc="lower right", handlelength=4.5)
     middle.set_ylim(-12, 0.6)
     chain = numbers["2D, N = 3"]["chain"]
     for law, steps in chain.items():
         y = [100 * step[2] for step in steps]
         right.plot(range(len(y)), y, "o" + STYLE[law], color=COLOURS["diagonal"], markersize=5, label=f"law {law}")
         exact = 100 * numbers["2D, N = 3"]["diagonal by autodiff"][law]
-        right.plot(len(y) - 1, exact, "o", mfc="none", mec=COLOURS["symbol"], mew=1.4, ms=12)
-    right.plot([], [], "o", mfc="none", mec=COLOURS["symbol"], mew=1.4, ms=10, label="diagonal, by autodiff")
+        right.plot(len(y) - 1, exact, "o", mfc="none", mec=COLOURS["diagonal"], mew=1.4, ms=12)
+    right.plot([], [], "o", mfc="none", mec=COLOURS["diagonal"], mew=1.4, ms=10, label="diagonal, by autodiff")
     right.axhline(100 * QUOTED_2D, color="#0072B2", linewidth=1.2, linestyle="-.", label="quoted in the paper")
     right.set_xticks(range(len(steps)), _STEPS, fontsize=8, rotation=35, ha="right")
-    right.set_title("2D, N = 3: the printed criterion, repaired", fontsize=10)
+    right.set_title("2D, N = 3: the printed criterion, repaired step by step", fontsize=10)
     right.set_ylabel("critical load a_cr  [%]")
-    right.legend(fontsize=8, frameon=False, loc="lower left", bbox_to_anchor=(0.0, 0.02))
+    right.legend(fontsize=8, frameon=False, loc="lower left", bbox_to_anchor=(0.0, 0.02), handlelength=4.5)
     figure.suptitle(f"Critical loads of order m = 1{sizes(quick)}", fontsize=11)
     return figure
 

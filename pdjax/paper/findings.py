@@ -223,7 +223,10 @@ def logarithmic(n: dict) -> Found:
             tension = f"tension from {percent(n['tension, m = 0, 3D'])}"
         fails = [w for w, yes in (("compression", c), (tension, t or lattice == "3D, N = 3")) if yes]
         words.append(f"{lattice}: {' and '.join(fails)}")
-    return "unstable: " + "; ".join(words), judge(not any(c or t for c, t in once.values()))
+    own = percent(n["diagonal, m = 0, 3D"])
+    return f"unstable: {'; '.join(words)}, where even the diagonal fails at {own}", judge(
+        not any(c or t for c, t in once.values())
+    )
 
 
 def source(n: dict) -> Found:
