@@ -21,7 +21,7 @@ def add_paper(jobs: Any, formatter: Any) -> None:
     )
     job.add_argument("--figure", nargs="+", metavar="NAME", help="figures to make (default: all; see --list)")
     job.add_argument("--out", metavar="DIR", help="directory (default pdjax-paper, or pdjax-paper-quick)")
-    job.add_argument("--quick", action="store_true", help="reduced sizes, said on each figure: under two minutes")
+    job.add_argument("--quick", action="store_true", help="reduced sizes, said on each figure: three minutes")
     job.add_argument("--list", action="store_true", help="list the figures and stop")
     job.add_argument("--json", action="store_true", help="print one JSON object instead of text")
 
