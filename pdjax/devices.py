@@ -222,8 +222,7 @@ def _prepared(operator: SlabForce, varying: Any) -> SlabForce:
 
     def one(o: SlabForce, varying: Any) -> tuple[Any, Array]:
         varying, walk = jax.tree.map(o.with_halo, varying), o.masked()
-        model: Any = eqx.combine(varying, o.shared)
-        sums = reference_sums(model, walk, walk.xi.shape[1], o.horizon)
+        sums = reference_sums((varying, o.shared), walk, walk.xi.shape[1], o.horizon)
         if not sums.shape[0]:
             return varying, sums
         # right inside the slab, where all neighbours are seen; the halo hears it from those who own it
