@@ -145,6 +145,14 @@ def _check_models(make: Callable, orders: np.ndarray, loads: np.ndarray, fams: l
     return first
 
 
+def _axis(name: str, values) -> np.ndarray:
+    """One axis of the map, checked."""
+    axis = finite(name, values)
+    if axis.ndim != 1 or axis.size == 0:
+        raise ValueError(f"{name} must be a one-dimensional array with at least one entry; got {axis.shape}")
+    return axis
+
+
 def _thinned(x: np.ndarray) -> np.ndarray:
     return x[np.linspace(0, len(x) - 1, min(len(x), _LINE_POINTS)).round().astype(int)]
 
@@ -181,10 +189,7 @@ def stability_map(
             "a law is needed, such as pd.LinearElastic(lam=1.0, mu=1.0), or a model, a function of m; not both"
         )
     make: Callable = _SethHillOf(law) if model is None else model  # type: ignore[arg-type]
-    orders, loads = finite("m", m), finite("a", a)
-    for name, values in (("m", orders), ("a", loads)):
-        if values.ndim != 1 or values.size == 0:
-            raise ValueError(f"{name} must be a one-dimensional array with at least one entry; got {values.shape}")
+    orders, loads = _axis("m", m), _axis("a", a)
     horizons = np.atleast_1d(finite("N", N))
     names = tuple(choice("criterion", c, list(CRITERIA)) for c in (criterion, *lines))
     shape = (len(horizons), len(orders), len(loads))

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 from pdjax import paper
 from pdjax.__main__ import _parser, main
-from pdjax.paper import a_cr, cuboid, findings, m_cr, results, singular_bar, step_bar
+from pdjax.paper import a_cr, cuboid, m_cr, results, singular_bar, step_bar
 from pdjax.paper._common import Claim, Sheet, judge
 
 ROOT = Path(__file__).parent.parent
@@ -67,12 +67,12 @@ def test_commands_of_the_table_are_commands():
 def test_verdicts_follow_from_the_numbers():
     """The same function says another word of other numbers."""
     assert [judge(True), judge(False, True), judge(False)] == ["confirmed", "corrected", "refuted"]
-    assert findings.quoted_1d({"1D diagonal": {1: -0.18352, 3: -0.0742}})[1] == "confirmed"
-    assert findings.quoted_1d({"1D diagonal": {1: -0.18352, 3: -0.0752}})[1] == "refuted"
+    assert a_cr.quoted_1d({"1D diagonal": {1: -0.18352, 3: -0.0742}})[1] == "confirmed"
+    assert a_cr.quoted_1d({"1D diagonal": {1: -0.18352, 3: -0.0752}})[1] == "refuted"
     space = {"m_cr": {"3D": {"printed": 0.0, "corrected": -0.5, "exact": -0.5}}}
-    assert findings.m_cr_space(space)[1] == "corrected"
+    assert m_cr.m_cr_space(space)[1] == "corrected"
     space["m_cr"]["3D"]["exact"] = 0.0
-    assert findings.m_cr_space(space)[1] == "confirmed"
+    assert m_cr.m_cr_space(space)[1] == "confirmed"
 
 
 # --- what the sheets measure with

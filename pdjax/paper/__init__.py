@@ -1,7 +1,7 @@
 """The paper, figure by figure and claim by claim: its result, and what the exact Jacobian says of it.
 
 `FIGURES` is the list of sheets, one file each; `CLAIMS` the table of what was tried, whose verdicts follow from the
-numbers of the sheets; `run_figure` makes one sheet and its claims; `results` writes them. `pdjax paper` does it all.
+numbers of the sheets; `results` keeps and writes them. `pdjax paper` does it all.
 
 Source: M. Behzadinasab and J. T. Foster, On the stability of the generalized, finite deformation
 correspondence model of peridynamics, Int. J. Solids Struct. 182–183 (2020) 64–76.

@@ -7,6 +7,9 @@ have and which of four words follows:
     corrected                   it does not, and a corrected statement, named in "ours", does
     refuted                     it does not, and nothing of the kind is true
     not decidable from the text what it depends on is not printed
+
+The functions numbers → (ours, verdict) stand with the sheet whose numbers they read. A verdict follows from
+comparisons, never from a word typed in: it changes if the numbers do.
 """
 
 from collections.abc import Callable
@@ -19,6 +22,7 @@ from matplotlib.figure import Figure
 
 import pdjax as pd
 
+Found = tuple[str, str]  # (ours, verdict) of one claim
 VERDICTS = ("confirmed", "corrected", "refuted", "not decidable from the text")
 OPEN = VERDICTS[3]
 
@@ -43,7 +47,7 @@ class Claim(NamedTuple):
     where: str
     paper: str
     figure: str
-    check: Callable[[dict], tuple[str, str]]
+    check: Callable[[dict], Found]
     command: str = ""
     question: str = ""
     test: str = ""
@@ -95,6 +99,11 @@ def at_once(m: float, law: Any, dim: int, N: int, reach: int) -> list[bool]:
     """Whether the smallest compression, and tension, is unstable (a_cr = 0): a wave free at rest gains by it."""
     fam = family(dim, N, reach)
     return [float(_slope(of_order(m, law), fam, side=side)) > 0 for side in ("negative", "positive")]
+
+
+def signed(x: float, digits: int = 4) -> str:
+    """A number with its sign."""
+    return f"{x:+.{digits}f}".replace("-", "−")
 
 
 def load(a: float) -> str:

@@ -5,6 +5,7 @@ simple laws that fit the paper's S = κE under hydrostatic load: "bulk", S = ½�
 """
 
 import itertools
+from itertools import pairwise
 
 import equinox as eqx
 import jax
@@ -18,16 +19,13 @@ import pdjax as pd
 from .. import closed_forms as cf
 from ..figures import COLOURS
 from ..kinematics import seth_hill
-from ._common import at_once, family, linear, of_order, sizes
+from ._common import OPEN, Found, at_once, close, family, judge, linear, load, of_order, signed, sizes
 
 QUOTED_1D, QUOTED_2D = {1: -0.184, 3: -0.074}, -0.037
-LAWS = {
-    "bulk": linear(0.5, 0.0),
-    "symmetric": linear(0.0, 0.5),
-    "λ = μ = 1": linear(1.0, 1.0),
-}
-STYLE = {"bulk": ":", "symmetric": "--", "λ = μ = 1": "-"}
 CONSTANTS = {"bulk": (0.5, 0.0), "symmetric": (0.0, 0.5), "λ = μ = 1": (1.0, 1.0)}
+LAWS = {name: linear(*constants) for name, constants in CONSTANTS.items()}
+_STEPS = ("printed", "inequality", "m = 0 branch", "2πN → πN", "volume N²", "law's tangent", "finite sums")
+STYLE = {"bulk": ":", "symmetric": "--", "λ = μ = 1": "-"}
 
 
 def diagonal_root_1d(N: int, reach: int) -> float:
@@ -161,4 +159,88 @@ def draw(numbers: dict, quick: bool) -> Figure:
     return figure
 
 
-_STEPS = ("printed", "inequality", "m = 0 branch", "2πN → πN", "volume N²", "law's tangent", "finite sums")
+# --- what the numbers say of the claims
+
+
+def quoted_1d(n: dict) -> Found:
+    """Remark 4."""
+    found = {N: n["1D diagonal"][N] for N in QUOTED_1D}
+    ours = ", ".join(signed(a) for a in found.values())
+    return ours, judge([round(a, 3) for a in found.values()] == list(QUOTED_1D.values()))
+
+
+def nonlocality(n: dict) -> Found:
+    """Remark 4, of the whole Jacobian."""
+    diagonal, at_once = list(n["1D diagonal"].values()), n["1D symbol fails at once"]
+    grows = all(a < b < 0 for a, b in pairwise(diagonal))
+    ours = f"of the diagonal; the symbol's a_cr is 0 at N = {', '.join(str(N) for N, yes in at_once.items() if yes)}"
+    return ours, judge(grows and not any(at_once.values()), grows)
+
+
+def volume(n: dict) -> Found:
+    """Eq. (2Ddf)."""
+    bonds = n["2D, N = 3"]["bonds"]
+    ours = f"{bonds} bonds; πN² = {np.pi * 9:.2f}, so N⁴ and N² for N² and N"
+    return ours, judge(close(np.pi * 3, bonds, 0.02), close(np.pi * 9, bonds, 0.02))
+
+
+def sums(n: dict) -> Found:
+    """The six sums after Eq. (2Ddfs)."""
+    exact, printed = (n["2D, N = 3"][f"sum of 1/p², {form}"] for form in ("exact", "printed"))
+    return f"{exact:.3f}, summed: axis points are counted twice", judge(close(exact, printed, 0.02), exact < printed)
+
+
+def law(n: dict) -> Found:
+    """Eq. (hydro2Ds)."""
+    stiffness = n["2D, N = 3"]["I : dS/dE : I of S = κE over κ"]
+    two = [stiffness["bulk"], stiffness["symmetric"]]
+    return f"{two[0]:g}, for every law of that kind", judge(close(two, 4.0), close(two, 2.0))
+
+
+def which_law(n: dict) -> Found:
+    """Eq. (hydro2Ds)."""
+    d = n["2D, N = 3"]["diagonal by autodiff"]
+    bulk, symmetric = signed(d["bulk"]), signed(d["symmetric"])
+    return f"a_cr = {bulk} for S = K tr(E) I, {symmetric} for S = κE", OPEN
+
+
+def factor(n: dict) -> Found:
+    """Appendix C."""
+    q = n["2D, N = 3"]["q of the general formula"]
+    ours = f"πN = {q:.2f}, by the paper's own general formula"
+    return ours, judge(close(q, 6 * np.pi), close(q, 3 * np.pi))
+
+
+def quoted_2d(n: dict) -> Found:
+    """Remark 5."""
+    printed = n["2D, N = 3"]["chain"]["bulk"][0][2]
+    half = n["1D diagonal"][3] / 2
+    ours = f"the criterion gives {signed(printed)}; {signed(half, 3)} is half the 1D load; no set of repairs gives it"
+    return ours, judge(QUOTED_2D in n["2D, N = 3"]["reachable"])
+
+
+def inequality(n: dict) -> Found:
+    """The criteria before Fig. 3."""
+    p = n["2D, N = 3"]
+    stable = p["at rest, by autodiff"] == "stable"
+    ours = f"the diagonal at rest is {p['at rest, by autodiff']}: the bracket must be positive"
+    return ours, judge(p["at rest"]["printed"] == stable, p["at rest"]["corrected"] == stable)
+
+
+def hencky(n: dict) -> Found:
+    """The branch m = 0 before Fig. 3."""
+    p = n["2D, N = 3"]
+    ours = f"{load(p['m = 0, by autodiff'])}: the limit of the bracket is 1, not 1 + 2πN ln(1 + a)"
+    both = np.isinf(p["m = 0"]["corrected"]) and np.isinf(p["m = 0, by autodiff"])
+    return ours, judge(close(p["m = 0"]["printed"], p["m = 0, by autodiff"]), bool(both))
+
+
+def dimension(n: dict) -> Found:
+    """Remark 5, of the exact diagonal with λ = μ = 1."""
+    one, two, three = n["diagonal of λ = μ = 1, N = 3"].values()
+    ours = (
+        f"of the diagonal, {', '.join(signed(a) for a in (one, two, three))} (λ = μ = 1): {two / one:.2f} of 1D in 2D"
+    )
+    if all(m < 1 for m in n["order above which compression fails at once, N = 3"].values()):
+        ours += "; the symbol's load is 0 in each"
+    return ours, judge(one < two < three < 0 and close(two / one, 0.5, 0.05), one < two < three < 0)

@@ -2,10 +2,10 @@
 
 A claim with a question is a step of the derivation that looked like a slip, or a conclusion that was open; the test
 named there holds its answer against something independent of this table. What is found is said by the functions
-(numbers → ours, verdict) of `findings`.
+(numbers → ours, verdict) of the sheets.
 """
 
-from . import findings as f
+from . import a_cr, cuboid, dispersion, family, m_cr, maps, singular_bar, step_bar
 from ._common import Claim
 
 _FORMS, _CLAIMS, _WAVES = (f"tests/test_{name}.py::test_" for name in ("closed_forms", "claims", "waves"))
@@ -17,55 +17,55 @@ _LOADS = "pdjax critical --dim {} --N 3 --m {} --criterion diagonal symbol"
 # fmt: off
 CLAIMS = (
     # one family in a uniform deformation
-    Claim("equilibrium", "every uniform deformation is an equilibrium inside a body", "sec. 3.1", "net force 0", "family", f.equilibrium, test="tests/test_force.py::test_a_homogeneous_periodic_body_is_in_equilibrium_and_moves_freely"),
-    Claim("static", "static equation: what it sums over the bonds", "after Eq. (TforTwo)", "T − T, bond by bond", "family", f.static, question="Does the bracket of the static equation equal 2T?", test=_FORMS + "static_equation_sign"),
-    Claim("entry", "∂f(X)/∂x(X + η) of any uniform state, three terms", "sec. 3.2", "printed", "family", f.entry, test=_CLAIMS + "general_closed_form_of_the_jacobian_is_autodiff"),
-    Claim("centre", "moving a point changes no strain of its own", "Remark 1", "∂Ē/∂x = 0", "family", f.centre),
-    Claim("strain", "Ē recovers the local strain exactly under uniform deformation", "after Eq. (strains)", "exact", "family", f.strain, question="For which m and F is the nonlocal strain the local one?", test=_FORMS + "strain_recovers_the_local_one_only_sometimes"),
-    Claim("silling", "Silling's model is stable under homogeneous deformation", "sec. 3.3", "stable for any of them", "family", f.silling, "pdjax atlas --dim 2 --models Silling", test=_CLAIMS + "sillings_model_is_marginal_not_stable"),
+    Claim("equilibrium", "every uniform deformation is an equilibrium inside a body", "sec. 3.1", "net force 0", "family", family.equilibrium, test="tests/test_force.py::test_a_homogeneous_periodic_body_is_in_equilibrium_and_moves_freely"),
+    Claim("static", "static equation: what it sums over the bonds", "after Eq. (TforTwo)", "T − T, bond by bond", "family", family.static, question="Does the bracket of the static equation equal 2T?", test=_FORMS + "static_equation_sign"),
+    Claim("entry", "∂f(X)/∂x(X + η) of any uniform state, three terms", "sec. 3.2", "printed", "family", family.entry, test=_CLAIMS + "general_closed_form_of_the_jacobian_is_autodiff"),
+    Claim("centre", "moving a point changes no strain of its own", "Remark 1", "∂Ē/∂x = 0", "family", family.centre),
+    Claim("strain", "Ē recovers the local strain exactly under uniform deformation", "after Eq. (strains)", "exact", "family", family.strain, question="For which m and F is the nonlocal strain the local one?", test=_FORMS + "strain_recovers_the_local_one_only_sometimes"),
+    Claim("silling", "Silling's model is stable under homogeneous deformation", "sec. 3.3", "stable for any of them", "family", family.silling_stable, "pdjax atlas --dim 2 --models Silling", test=_CLAIMS + "sillings_model_is_marginal_not_stable"),
     # the continuum's diagonal
-    Claim("m_cr", "order at which Γ changes sign, in 1D and 2D", "Proposition 1", "½, 0", "m-cr", f.m_cr_plane, test=_FORMS + "gamma_is_the_average_over_directions"),
-    Claim("m_cr_3d", "order at which Γ changes sign, in 3D", "Proposition 1", "0", "m-cr", f.m_cr_space, question="Is the average of ξ_k²/|ξ|² in 3D taken right, and where does Γ(m) vanish?", test=_FORMS + "gamma_is_the_average_over_directions"),
-    Claim("dTdY", "dT·dY of a moved centre, 3D, m = 0.8, a = 10 %, λ = μ = 1", "Eq. (altS)", "printed formula: −0.4506", "m-cr", f.moved_centre, question="Are the sign and the indices of dT·dY of the moved centre right?", test=_FORMS + "material_test_of_the_moved_centre"),
+    Claim("m_cr", "order at which Γ changes sign, in 1D and 2D", "Proposition 1", "½, 0", "m-cr", m_cr.m_cr_plane, test=_FORMS + "gamma_is_the_average_over_directions"),
+    Claim("m_cr_3d", "order at which Γ changes sign, in 3D", "Proposition 1", "0", "m-cr", m_cr.m_cr_space, question="Is the average of ξ_k²/|ξ|² in 3D taken right, and where does Γ(m) vanish?", test=_FORMS + "gamma_is_the_average_over_directions"),
+    Claim("dTdY", "dT·dY of a moved centre, 3D, m = 0.8, a = 10 %, λ = μ = 1", "Eq. (altS)", "printed formula: −0.4506", "m-cr", m_cr.moved_centre_sign, question="Are the sign and the indices of dT·dY of the moved centre right?", test=_FORMS + "material_test_of_the_moved_centre"),
     # critical loads
-    Claim("a_cr_1d", "a_cr of the diagonal, 1D, m = 1, N = 1 and 3", "Remark 4", "−0.184, −0.074", "a-cr", f.quoted_1d, _LOADS.format(1, 1), test=_FORMS + "critical_loads_1d"),
-    Claim("nonlocality", "larger N is unfavourable to stability", "Remark 4", "−0.184 at N = 1, −0.074 at N = 3", "a-cr", f.nonlocality, "pdjax critical --dim 1 --N 1 --m 1 --criterion diagonal symbol", test=_CLAIMS + "s7_in_1d_discretisation_helps_the_diagonal_alone"),
-    Claim("volume", "2D weighted volume over a point's, N = 3", "Eq. (2Ddf)", "πN = 9.42", "a-cr", f.volume, question="Does the 2D weighted volume grow with N or with N²?", test=_FORMS + "diagonal_2d_corrected_is_exact"),
-    Claim("sums", "2D sum of 1/p² over a family, N = 3", "after Eq. (2Ddfs)", "printed formula: 8 + 2π ln N = 14.90", "a-cr", f.sums, question="Does four times the quadrant count the axis points once?", test=_FORMS + "lattice_sums_2d"),
-    Claim("law", "I : dS/dE : I of the law S = κE, over κ", "Eq. (hydro2Ds)", "4", "a-cr", f.law, question="Does ∂S/∂E = κδδ belong to S = κE?", test=_CLAIMS + "remark_on_dimension_the_exact_diagonals"),
-    Claim("which_law", "which of the laws with S = κE under hydrostatic load is meant", "Eq. (hydro2Ds)", "not said", "a-cr", f.which_law, test=_CLAIMS + "remark_on_dimension_the_exact_diagonals"),
-    Claim("factor", "q of the 2D criterion 1 + q[1 − (1 + a)^(−2m)], N = 3", "appendix C", "2πN = 18.85", "a-cr", f.factor, question="Is the step from 1/(2m) to 1/m allowed?", test=_FORMS + "diagonal_2d_printed_and_the_lost_factor"),
-    Claim("a_cr_2d", "a_cr in 2D, m = 1, N = 3, follows from the criterion", "Remark 5", "−0.037", "a-cr", f.quoted_2d, _LOADS.format(2, 1), question="Does the quoted 2D critical load follow from the printed criterion?", test=_FORMS + "chain_2d"),
-    Claim("inequality", "2D criterion at rest, a = 0", "before Fig. 3", "violates it", "a-cr", f.inequality, question="Which way round is the 2D inequality?", test=_FORMS + "criteria_2d_inequality_and_hencky_branch"),
-    Claim("hencky", "a_cr of the 2D criterion at m = 0, N = 3", "before Fig. 3", "printed formula: −0.0517", "a-cr", f.hencky, question="Is the 2D criterion at m = 0 the limit of the other branch?", test=_FORMS + "criteria_2d_inequality_and_hencky_branch"),
-    Claim("dimension", "unstable regions grow with the dimension, 1D to 3D, m = 1, N = 3", "Remark 5", "2D half of 1D, 3D less", "a-cr", f.dimension),
+    Claim("a_cr_1d", "a_cr of the diagonal, 1D, m = 1, N = 1 and 3", "Remark 4", "−0.184, −0.074", "a-cr", a_cr.quoted_1d, _LOADS.format(1, 1), test=_FORMS + "critical_loads_1d"),
+    Claim("nonlocality", "larger N is unfavourable to stability", "Remark 4", "−0.184 at N = 1, −0.074 at N = 3", "a-cr", a_cr.nonlocality, "pdjax critical --dim 1 --N 1 --m 1 --criterion diagonal symbol", test=_CLAIMS + "s7_in_1d_discretisation_helps_the_diagonal_alone"),
+    Claim("volume", "2D weighted volume over a point's, N = 3", "Eq. (2Ddf)", "πN = 9.42", "a-cr", a_cr.volume, question="Does the 2D weighted volume grow with N or with N²?", test=_FORMS + "diagonal_2d_corrected_is_exact"),
+    Claim("sums", "2D sum of 1/p² over a family, N = 3", "after Eq. (2Ddfs)", "printed formula: 8 + 2π ln N = 14.90", "a-cr", a_cr.sums, question="Does four times the quadrant count the axis points once?", test=_FORMS + "lattice_sums_2d"),
+    Claim("law", "I : dS/dE : I of the law S = κE, over κ", "Eq. (hydro2Ds)", "4", "a-cr", a_cr.law, question="Does ∂S/∂E = κδδ belong to S = κE?", test=_CLAIMS + "remark_on_dimension_the_exact_diagonals"),
+    Claim("which_law", "which of the laws with S = κE under hydrostatic load is meant", "Eq. (hydro2Ds)", "not said", "a-cr", a_cr.which_law, test=_CLAIMS + "remark_on_dimension_the_exact_diagonals"),
+    Claim("factor", "q of the 2D criterion 1 + q[1 − (1 + a)^(−2m)], N = 3", "appendix C", "2πN = 18.85", "a-cr", a_cr.factor, question="Is the step from 1/(2m) to 1/m allowed?", test=_FORMS + "diagonal_2d_printed_and_the_lost_factor"),
+    Claim("a_cr_2d", "a_cr in 2D, m = 1, N = 3, follows from the criterion", "Remark 5", "−0.037", "a-cr", a_cr.quoted_2d, _LOADS.format(2, 1), question="Does the quoted 2D critical load follow from the printed criterion?", test=_FORMS + "chain_2d"),
+    Claim("inequality", "2D criterion at rest, a = 0", "before Fig. 3", "violates it", "a-cr", a_cr.inequality, question="Which way round is the 2D inequality?", test=_FORMS + "criteria_2d_inequality_and_hencky_branch"),
+    Claim("hencky", "a_cr of the 2D criterion at m = 0, N = 3", "before Fig. 3", "printed formula: −0.0517", "a-cr", a_cr.hencky, question="Is the 2D criterion at m = 0 the limit of the other branch?", test=_FORMS + "criteria_2d_inequality_and_hencky_branch"),
+    Claim("dimension", "unstable regions grow with the dimension, 1D to 3D, m = 1, N = 3", "Remark 5", "2D half of 1D, 3D less", "a-cr", a_cr.dimension),
     # the maps
-    Claim("map_1d", "1D map, N = 3: the printed diagonal", "Fig. 2", "printed", "maps-1d", f.map_1d, "pdjax map --dim 1", test=_FORMS + "diagonal_1d_is_exact"),
-    Claim("sides_1d", "1D: compression is the problem for m > ½, tension for m < ½", "sec. 4.1", "beyond a critical load", "maps-1d", f.sides_1d, "pdjax map --dim 1"),
-    Claim("slightest", "continuum, m ≠ m_cr: the slightest load of one sign is unstable", "Remark 3", "a_cr = 0", "maps-1d", f.slightest, "pdjax critical --dim 1 --m 0 1"),
-    Claim("discretisation", "discretisation enhances stability, m = 1", "Remark 6", "of every model", "maps-2d", f.discretisation, "pdjax critical --dim 2 --N 2 --m 1 --criterion diagonal symbol", question="Does discretisation enhance stability, of the whole Jacobian?", test=_CLAIMS + "some_side_fails_at_once_for_every_order"),
-    Claim("log", "m = 0 may be stable under any hydrostatic load", "Remark 7", "in 2D and 3D", "maps-2d", f.logarithmic, _LOADS.format(2, 0), question="Is the logarithmic model stable under hydrostatic load, in 2D and 3D, on each side?", test=_CLAIMS + "s8_the_logarithmic_model_is_not_stable_hydrostatically"),
-    Claim("source", "the classical model has the trouble too, at far larger loads", "sec. 6.3", "milder", "maps-2d", f.source, "pdjax critical --m 1 -1 --criterion local symbol"),
-    Claim("stabilise", "none of the stabilisations can address this", "sec. 6.2", "none", "maps-2d", f.stabilised, 'pdjax atlas --dim 2 --models "Seth–Hill 1" "Seth–Hill 1 + penalty"', test="tests/test_atlas.py::test_cures_of_seth_hill"),
-    Claim("switch", "choosing m by the sign of the load is not practical", "sec. 6.2", "doubted", "maps-2d", f.switch, "pdjax critical --path uniaxial-stress --m -1 0 1"),
+    Claim("map_1d", "1D map, N = 3: the printed diagonal", "Fig. 2", "printed", "maps-1d", maps.map_1d, "pdjax map --dim 1", test=_FORMS + "diagonal_1d_is_exact"),
+    Claim("sides_1d", "1D: compression is the problem for m > ½, tension for m < ½", "sec. 4.1", "beyond a critical load", "maps-1d", maps.sides_1d, "pdjax map --dim 1"),
+    Claim("slightest", "continuum, m ≠ m_cr: the slightest load of one sign is unstable", "Remark 3", "a_cr = 0", "maps-1d", maps.slightest, "pdjax critical --dim 1 --m 0 1"),
+    Claim("discretisation", "discretisation enhances stability, m = 1", "Remark 6", "of every model", "maps-2d", maps.discretisation, "pdjax critical --dim 2 --N 2 --m 1 --criterion diagonal symbol", question="Does discretisation enhance stability, of the whole Jacobian?", test=_CLAIMS + "some_side_fails_at_once_for_every_order"),
+    Claim("log", "m = 0 may be stable under any hydrostatic load", "Remark 7", "in 2D and 3D", "maps-2d", maps.logarithmic, _LOADS.format(2, 0), question="Is the logarithmic model stable under hydrostatic load, in 2D and 3D, on each side?", test=_CLAIMS + "s8_the_logarithmic_model_is_not_stable_hydrostatically"),
+    Claim("source", "the classical model has the trouble too, at far larger loads", "sec. 6.3", "milder", "maps-2d", maps.source, "pdjax critical --m 1 -1 --criterion local symbol"),
+    Claim("stabilise", "none of the stabilisations can address this", "sec. 6.2", "none", "maps-2d", maps.stabilised, 'pdjax atlas --dim 2 --models "Seth–Hill 1" "Seth–Hill 1 + penalty"', test="tests/test_atlas.py::test_cures_of_seth_hill"),
+    Claim("switch", "choosing m by the sign of the load is not practical", "sec. 6.2", "doubted", "maps-2d", maps.switch, "pdjax critical --path uniaxial-stress --m -1 0 1"),
     # bars
-    Claim("bar_tension", "singular bar, σ/E₀ = 10⁻³, m = 1: right, no instability", "sec. 5.1", "as the local solution", "singular-bar", f.bar_tension, "pdjax run singular-bar"),
-    Claim("bar_form", "its closed form is the local solution at σ/E₀ = 10⁻³", "sec. 5.1", "small strain", "singular-bar", f.bar_form, "pdjax run singular-bar --stress 1e-3", test="tests/test_scenes.py::test_local_solution_of_the_singular_bar_by_scipy"),
-    Claim("bar_compression", "σ/E₀ = −10⁻⁵, m = 1: modes of instability", "sec. 5.1", "unstable", "singular-bar", f.bar_compression, "pdjax run singular-bar --n 200 --stress=-1e-5"),
-    Claim("bar_points", "the number of points at which it fails", "sec. 5.1", "not in the text", "singular-bar", f.bar_points),
-    Claim("bar_silling", "Silling's model is as unstable, in tension and compression", "sec. 5.1", "unstable", "singular-bar", f.bar_silling, "pdjax run singular-bar --model correspondence"),
-    Claim("step_tension", "+100 % at once is solved", "sec. 5.2", "correct", "step-bar", f.step_tension, "pdjax run step-bar --strain 1", test=_CLAIMS + "s9_the_step_size_bar_is_at_a_saddle"),
-    Claim("step_size", "−0.1 % at once fails for its step is too large", "sec. 5.2", "step size", "step-bar", f.step_size, "pdjax run step-bar", question="Is the step too large, or is the clamped bar's own Jacobian indefinite, and what does Newton find?", test=_CLAIMS + "s9_the_step_size_bar_is_at_a_saddle"),
-    Claim("step_region", "the bar is stable down to a_cr", "sec. 5.2", "−7.4 %", "step-bar", f.step_region, "pdjax run step-bar --strain=-0.0001", test="tests/test_body.py::test_odd_horizons_lose_stability_as_the_inverse_square_of_length"),
+    Claim("bar_tension", "singular bar, σ/E₀ = 10⁻³, m = 1: right, no instability", "sec. 5.1", "as the local solution", "singular-bar", singular_bar.bar_tension, "pdjax run singular-bar"),
+    Claim("bar_form", "its closed form is the local solution at σ/E₀ = 10⁻³", "sec. 5.1", "small strain", "singular-bar", singular_bar.bar_form, "pdjax run singular-bar --stress 1e-3", test="tests/test_scenes.py::test_local_solution_of_the_singular_bar_by_scipy"),
+    Claim("bar_compression", "σ/E₀ = −10⁻⁵, m = 1: modes of instability", "sec. 5.1", "unstable", "singular-bar", singular_bar.bar_compression, "pdjax run singular-bar --n 200 --stress=-1e-5"),
+    Claim("bar_points", "the number of points at which it fails", "sec. 5.1", "not in the text", "singular-bar", singular_bar.bar_points),
+    Claim("bar_silling", "Silling's model is as unstable, in tension and compression", "sec. 5.1", "unstable", "singular-bar", singular_bar.bar_silling, "pdjax run singular-bar --model correspondence"),
+    Claim("step_tension", "+100 % at once is solved", "sec. 5.2", "correct", "step-bar", step_bar.step_tension, "pdjax run step-bar --strain 1", test=_CLAIMS + "s9_the_step_size_bar_is_at_a_saddle"),
+    Claim("step_size", "−0.1 % at once fails for its step is too large", "sec. 5.2", "step size", "step-bar", step_bar.step_size, "pdjax run step-bar", question="Is the step too large, or is the clamped bar's own Jacobian indefinite, and what does Newton find?", test=_CLAIMS + "s9_the_step_size_bar_is_at_a_saddle"),
+    Claim("step_region", "the bar is stable down to a_cr", "sec. 5.2", "−7.4 %", "step-bar", step_bar.step_region, "pdjax run step-bar --strain=-0.0001", test="tests/test_body.py::test_odd_horizons_lose_stability_as_the_inverse_square_of_length"),
     # the cuboid
-    Claim("cuboid", "cuboid, m = 0: unstable under small tension and compression", "sec. 5.3", "unstable", "cuboid", f.cuboid, "pdjax run cuboid"),
-    Claim("cuboid_step", "a smaller time step changes nothing", "sec. 5.3", "no effect", "cuboid", f.cuboid_step, "pdjax run cuboid --dt 0.05"),
-    Claim("cuboid_fields", "compression: u_x smooth, u_y and u_z not", "Fig. 6", "smooth, not, not", "cuboid", f.cuboid_fields, "pdjax run cuboid --strain=-0.1"),
-    Claim("cuboid_when", "the strain at which it goes bad", "Fig. 6", "not in the text", "cuboid", f.cuboid_when),
+    Claim("cuboid", "cuboid, m = 0: unstable under small tension and compression", "sec. 5.3", "unstable", "cuboid", cuboid.cuboid, "pdjax run cuboid"),
+    Claim("cuboid_step", "a smaller time step changes nothing", "sec. 5.3", "no effect", "cuboid", cuboid.cuboid_step, "pdjax run cuboid --dt 0.05"),
+    Claim("cuboid_fields", "compression: u_x smooth, u_y and u_z not", "Fig. 6", "smooth, not, not", "cuboid", cuboid.cuboid_fields, "pdjax run cuboid --strain=-0.1"),
+    Claim("cuboid_when", "the strain at which it goes bad", "Fig. 6", "not in the text", "cuboid", cuboid.cuboid_when),
     # waves
-    Claim("waves_small", "tiny u₀: all orders have one dispersion curve", "sec. 5.4", "the same", "dispersion", f.waves_small, test=_WAVES + "the_papers_dispersion_tends_to_the_symbol"),
-    Claim("waves_zeros", "every order has periodic zeros, at large u₀ too", "Fig. 7b", "periodic zero frequencies", "dispersion", f.waves_zeros),
-    Claim("waves_large", "at large u₀ (0.1 h) ω read at X = 0, t = 0 is that of a wave", "sec. 5.4", "\"dependent on X, t, and u₀\"", "dispersion", f.waves_large, "pdjax run wave --u0 0.1", question="Is the complex plane wave a motion at large u₀?", test=_WAVES + "the_papers_complex_wave_is_no_motion"),
+    Claim("waves_small", "tiny u₀: all orders have one dispersion curve", "sec. 5.4", "the same", "dispersion", dispersion.waves_small, test=_WAVES + "the_papers_dispersion_tends_to_the_symbol"),
+    Claim("waves_zeros", "every order has periodic zeros, at large u₀ too", "Fig. 7b", "periodic zero frequencies", "dispersion", dispersion.waves_zeros),
+    Claim("waves_large", "at large u₀ (0.1 h) ω read at X = 0, t = 0 is that of a wave", "sec. 5.4", "\"dependent on X, t, and u₀\"", "dispersion", dispersion.waves_large, "pdjax run wave --u0 0.1", question="Is the complex plane wave a motion at large u₀?", test=_WAVES + "the_papers_complex_wave_is_no_motion"),
 )
 # fmt: on
 

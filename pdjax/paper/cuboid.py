@@ -16,7 +16,7 @@ import pdjax as pd
 
 from .._run_motions import roughness
 from ..figures import COLOURS
-from ._common import linear, of_order, sizes
+from ._common import OPEN, Found, judge, linear, of_order, percent, sizes
 
 LAW = linear(1.0, 1.0)
 MODULUS = 2.5  # Young's, for λ = μ = 1
@@ -167,3 +167,40 @@ def draw(runs: dict, curves: dict, half: dict, shape, rate: float, N: int, quick
     words = f"Cuboid of {' × '.join(map(str, shape))} points, N = {N}, λ = μ = ρ = 1, strain rate {rate:g}"
     figure.suptitle(words + sizes(quick), fontsize=11)
     return figure
+
+
+# --- what the numbers say of the claims
+
+
+def cuboid(n: dict) -> Found:
+    """Section 5.3."""
+    runs = [n[f"m = 0, {side}"] for side in ("tension", "compression")]
+    good = all(r["onset"] is not None for r in runs)
+    seen = " and ".join(percent(r["onset"]) for r in runs if r["onset"] is not None)
+    foretold = " and ".join(percent(r["onset by the symbol"]) for r in runs if r["onset by the symbol"] is not None)
+    return f"neighbours alternate from {seen} on; the symbol's growth rates say {foretold}", judge(good)
+
+
+def cuboid_step(n: dict) -> Found:
+    """Section 5.3."""
+    sides = ("tension", "compression")
+    half, whole = ([n[f"m = 0, {s}{end}"] for s in sides] for end in (", half the step", ""))
+    same = all(abs((h["onset"] or 0) - (w["onset"] or 0)) < 0.0021 for h, w in zip(half, whole, strict=True))
+    gap = max(h["force differs before the onset by"] for h in half)
+    return f"half the step: the same onset, force to {gap:.2%} before it", judge(same and gap < 0.01)
+
+
+def cuboid_fields(n: dict) -> Found:
+    """Fig. 6 c to e: compression."""
+    push, stretch = (n[f"m = 0, {side}"]["alternation at the end"] for side in ("compression", "tension"))
+    words = ", ".join(f"u_{axis} {push[axis]:.2f}" for axis in "xyz")
+    smoother = push["x"] < min(push["y"], push["z"])
+    other = stretch["x"] > max(stretch["y"], stretch["z"])
+    ours = f"smoother, not smooth: alternation {words} of h; in tension it is u_x that alternates most"
+    return ours, judge(smoother and push["x"] < 1e-3, smoother and other)
+
+
+def cuboid_when(n: dict) -> Found:
+    """Fig. 6: neither points nor rate are printed, and the onset depends on both."""
+    onset, shape = n["m = 0, compression"]["onset"], " × ".join(map(str, n["shape"]))
+    return f"{percent(onset)} with {shape} points, N = {n['N']}, rate {n['rate']:g}; it moves with the rate", OPEN

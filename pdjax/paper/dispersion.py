@@ -14,7 +14,7 @@ import pdjax as pd
 
 from .. import closed_forms as cf
 from ..figures import COLOURS
-from ._common import linear, of_order, sizes
+from ._common import Found, close, judge, linear, of_order, sizes
 
 N, ORDERS, SMALL, LARGE = 3, (-1.0, 0.0, 0.5, 1.0, 2.0), 1e-6, 0.1
 LAW = linear(1.0, 0.0)
@@ -91,3 +91,32 @@ def _draw_reads(on, sizes_u0: np.ndarray, real: list[float], omega: float) -> No
     lower.set_xlabel("amplitude u₀ / h  [–]")
     upper.legend(fontsize=8, frameon=False)
     on.suptitle("m = 1, k h = 0.2 π: is the large wave a motion?", fontsize=11)
+
+
+# --- what the numbers say of the claims
+
+
+def waves_small(n: dict) -> Found:
+    """Section 5.4."""
+    gap = n["orders from the symbol, small u0"]
+    return f"the symbol's, to {gap:.0e} c/h", judge(gap < 1e-5)
+
+
+def waves_zeros(n: dict) -> Found:
+    """Fig. 7."""
+    at_edge = n["|ω| h/c at k = π/h, large u0"]
+    kept = [m for m, size in at_edge.items() if size < 1e-9]
+    ours = f"at tiny u₀, yes; at 0.1 h of those drawn only m = {', '.join(kept)} (m = 1: |ω| = {at_edge['1']:.2f} c/h)"
+    return ours, judge(len(kept) == len(at_edge), close(n["zeros of the symbol, k h / π"], [1.0]))
+
+
+def waves_large(n: dict) -> Found:
+    """Section 5.4."""
+    here, there = (complex(*n["ω over the symbol's, m = 1, large u0"][at]) for at in ("X = 0", "X = 2 h"))
+    flipped, shift = complex(*n["the same, sign of u0 changed"]), n["real waves: shift over u0²"][-1]
+    one = abs(here - there) < 1e-3 and abs(here - flipped) < 1e-3
+    ours = (
+        f"ω depends on where it is read ({here:.3f} at X = 0, {there:.3f} at 2h) and on the sign of u₀;"
+        f" a real wave's moves by {shift:.2f} u₀²"
+    )
+    return ours.replace("-", "−").replace("j", "i"), judge(one, not one)

@@ -19,7 +19,7 @@ import pdjax as pd
 
 from .. import closed_forms as cf
 from ..figures import COLOURS
-from ._common import linear, of_order, sizes
+from ._common import Found, close, judge, linear, of_order, signed, sizes
 
 N, M = 3, 0.7
 STATE = np.array([[0.93, 0.06], [-0.04, 1.05]])
@@ -147,3 +147,52 @@ def draw(eta: np.ndarray, size: np.ndarray, numbers: dict, quick: bool) -> Figur
         on.set_aspect("equal")
     figure.suptitle(f"One family, and what a point's force depends on: 2D, m = {M:g}{sizes(quick)}", fontsize=11)
     return figure
+
+
+# --- what the numbers say of the claims
+
+
+def equilibrium(n: dict) -> Found:
+    """Section 3.1."""
+    size = n["uniform"]["net force"]
+    return f"net force {size:.0e} of the bonds' forces", judge(size < 1e-14)
+
+
+def static(n: dict) -> Found:
+    """The display after Eq. (TforTwo)."""
+    u = n["uniform"]
+    exact = u["bracket, exact"]
+    ours = f"T + T: largest component {exact:.4f}, printed {u['bracket, printed']:.4f}; the sum is 0 either way"
+    return ours, judge(close(u["bracket, printed"], exact), close(u["bracket, corrected"], exact))
+
+
+def entry(n: dict) -> Found:
+    """The display before Eq. (finaldf)."""
+    gap = n["formula from autodiff"]
+    return f"right, to {gap:.0e}, in all {n['entries of a row']} entries of a row", judge(gap < 1e-12)
+
+
+def centre(n: dict) -> Found:
+    """Remark 1."""
+    size = n["uniform"]["strain of a moved centre"]
+    return f"∂Ē/∂x = {size:.0e}", judge(size < 1e-14)
+
+
+def strain(n: dict) -> Found:
+    """The sentence after the strains."""
+    s = n["strain"]
+    exact = max(s["m = 1, any state"], s["any m, similarities"])
+    ratios = s["smallest ratio of 10 % to 1 % stretch"], s["largest ratio of 10 % to 1 % stretch"]
+    second = 50 < ratios[0] and ratios[1] < 200
+    off = s["m = 0, 10 % stretch"]
+    ours = f"for m = 1 and similarities ({exact:.0e}); else to first order: {off:.1e} off at m = 0, 10 % stretch"
+    return ours, judge(max(exact, off) < 1e-14, exact < 1e-14 and second)
+
+
+def silling_stable(n: dict) -> Found:
+    """Section 3.3."""
+    states = n["Silling"].values()
+    block, free = max(s["block"] for s in states), max(s["at the corner"] for s in states)
+    words = {s["verdict"] for s in states}
+    ours = f"its block, yes ({signed(block, 3)} at most); the whole is {' or '.join(words)}: waves cost {free:.0e}"
+    return ours, judge(words == {"stable"}, block < 0 and words == {"marginal"} and free < 1e-14)

@@ -17,7 +17,7 @@ import pdjax as pd
 from .. import closed_forms as cf
 from ..figures import COLOURS
 from ..kinematics import seth_hill
-from ._common import linear, of_order, sizes
+from ._common import Found, close, judge, linear, of_order, signed, sizes
 
 LAW = linear(1.0, 1.0)
 LOAD = -0.1
@@ -76,3 +76,27 @@ def make(quick: bool) -> tuple[dict, Figure]:
     figure.axes[0].legend(fontsize=9, frameon=False)
     figure.suptitle(f"Where the continuum's diagonal changes sign{sizes(quick)}", fontsize=11)
     return numbers, figure
+
+
+# --- what the numbers say of the claims
+
+
+def m_cr_plane(n: dict) -> Found:
+    """Proposition 1 in 1D and 2D."""
+    pairs = [n["m_cr"][dim] for dim in ("1D", "2D")]
+    ours = ", ".join(f"{round(p['exact'], 9) + 0.0:g}" for p in pairs)
+    return ours, judge(all(close(p["printed"], p["exact"]) for p in pairs))
+
+
+def m_cr_space(n: dict) -> Found:
+    """Proposition 1 in 3D."""
+    p = n["m_cr"]["3D"]
+    ours = f"{p['exact']:.4f}: the average is 1/3, so m_cr = 1 − d/2".replace("-", "−")
+    return ours, judge(close(p["printed"], p["exact"]), close(p["corrected"], p["exact"]))
+
+
+def moved_centre_sign(n: dict) -> Found:
+    """Eq. (altS)."""
+    p = n["dT dY"]["3D"]
+    ours = f"{signed(p['exact'])}: the sign is wrong, and ξ_l ξ_l stands for ξ₁²"
+    return ours, judge(close(p["printed"], p["exact"]), close(p["corrected"], p["exact"]))

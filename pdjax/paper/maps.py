@@ -13,7 +13,7 @@ import pdjax as pd
 
 from .. import closed_forms as cf
 from ..kinematics import seth_hill
-from ._common import at_once, family, linear, of_order, sizes
+from ._common import Found, at_once, family, judge, linear, of_order, percent, sizes
 
 LINE = linear(1.0, 0.0)
 LAW = linear(1.0, 1.0)
@@ -116,3 +116,82 @@ def _titled(figure: Figure, quick: bool, more: str = "") -> Figure:
     below = f"left what the exact Jacobian says, right what the paper's diagonal says{more}"
     figure.suptitle(f"{figure.get_suptitle()}\n{below}{sizes(quick)}", fontsize=11)
     return figure
+
+
+# --- what the numbers say of the claims
+
+
+def map_1d(n: dict) -> Found:
+    """Fig. 2."""
+    gap = n["printed diagonal from autodiff"]
+    share, exact = n["unstable by the diagonal"], n["unstable"]
+    return f"right, to {gap:.0e}; it sees {share:.0%} of the map unstable, the symbol {exact:.0%}", judge(gap < 1e-12)
+
+
+def sides_1d(n: dict) -> Found:
+    """Section 4.1: the sides are right, the edge is rest itself."""
+    right_sides = n["unstable in tension above m = 1/2"] == 0 == n["unstable in compression below m = 1/2"]
+    all_of_them = n["stable in compression above m = 1/2"] == 0 == n["stable in tension below m = 1/2"]
+    return "on those sides, at once: every state of them is unstable", judge(
+        right_sides and not all_of_them, all_of_them
+    )
+
+
+def slightest(n: dict) -> Found:
+    """Remark 3: true of every lattice already."""
+    once = n["fails at once [compression, tension]"]
+    holds = all(c and not t for c, t in once["m = 1"].values()) and all(t and not c for c, t in once["m = 0"].values())
+    lattices = ", ".join(map(str, once["m = 1"]))
+    return f"of every lattice already: 0 in compression for m = 1, in tension for m = 0, N = {lattices}", judge(holds)
+
+
+def discretisation(n: dict) -> Found:
+    """Remark 6."""
+    once = n["fails at once [compression, tension]"]
+    one = {N: c for N, (c, _) in once["m = 1"].items()}
+    some_side = all(c or t for cases in once.values() for c, t in cases.values())
+    ours = f"of the diagonal; the symbol fails at once, in {'; '.join(N for N, yes in one.items() if yes)}"
+    return ours, judge(not some_side, some_side)
+
+
+def logarithmic(n: dict) -> Found:
+    """Remark 7."""
+    once = n["fails at once [compression, tension]"]["m = 0"]
+    words = []
+    for lattice, (c, t) in once.items():
+        tension = "tension"
+        if lattice == "3D, N = 3" and not t:
+            tension = f"tension from {percent(n['tension, m = 0, 3D'])}"
+        fails = [w for w, yes in (("compression", c), (tension, t or lattice == "3D, N = 3")) if yes]
+        words.append(f"{lattice}: {' and '.join(fails)}")
+    own = percent(n["diagonal, m = 0, 3D"])
+    return f"unstable: {'; '.join(words)}, where even the diagonal fails at {own}", judge(
+        not any(c or t for c, t in once.values())
+    )
+
+
+def source(n: dict) -> Found:
+    """Section 6.3."""
+    down, up = n["the law itself, m = 1"], n["the law itself, m = −1"]
+    lattice = n["fails at once [compression, tension]"]["m = 1"]["2D, N = 3"][0]
+    ours = f"2D hydrostatic: m = 1 at {percent(down)}, m = −1 at {percent(up)}; the lattice, m = 1, at 0"
+    return ours, judge(lattice and -0.3 < down < -0.1 and 0.1 < up < 0.3)
+
+
+def stabilised(n: dict) -> Found:
+    """Section 6.2."""
+    with_penalty, own = n["with Silling's penalty, m = 1"], n["the law itself, m = 1"]
+    held = all(word == "stable" for word in with_penalty.values())
+    ours = f"Silling's penalty (g = ½) holds m = 1 at −18 %, where the law itself fails at {percent(own)}"
+    return ours if held else "Silling's penalty (g = ½) does not hold m = 1 at −18 %", judge(not held)
+
+
+def switch(n: dict) -> Found:
+    """Section 6.2: works under hydrostatic load alone."""
+    orders = n["orders that bear uniaxial stress"]
+    low, high = n["compression holds below, tension above m ="]["2D, N = 3"]
+    none = np.isnan(orders["negative"]).all()
+    ours = f"m < {low:.3f} and m > {high:.3f} do under hydrostatic load; no order bears uniaxial compression".replace(
+        "-", "−"
+    )
+    return ours if none else "some order bears uniaxial compression", judge(bool(none))

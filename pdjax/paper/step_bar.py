@@ -16,7 +16,7 @@ import pdjax as pd
 from .. import closed_forms as cf
 from .._run import bar_case
 from ..figures import COLOURS
-from ._common import percent, sizes
+from ._common import Found, judge, percent, sizes
 
 N, POINTS = 3, 100
 STRAINS = (1.0, -1e-4, -1e-3)  # the paper's
@@ -118,3 +118,35 @@ def draw_critical(on: SubFigure | Figure, curves: dict[int, list[dict]], diagona
     axes.set_ylabel("critical compression of the clamped bar  [–]")
     axes.set_title("dots: exact spectrum; lines: leading-order law; symbol (n → ∞): 0", fontsize=9)
     axes.legend(frameon=False, fontsize=9, loc="lower left")
+
+
+# --- what the numbers say of the claims
+
+
+def step_tension(n: dict) -> Found:
+    """Section 5.2."""
+    rows = [r for r in n["outcomes"] if r["strain"] == 1.0]
+    worst = max(r["distance"] for r in rows)
+    good = worst < 1e-6 and all(r["kind"] == "minimum" for r in rows)
+    return f"a minimum, found by {len(rows)} methods to {worst:.0e}", judge(good)
+
+
+def step_size(n: dict) -> Found:
+    """Section 5.2."""
+    at = {s: next(r for r in n["outcomes"] if r["strain"] == s and r["method"] == "newton") for s in (-1e-4, -1e-3)}
+    exact, far = at[-1e-4], at[-1e-3]
+    fifth = next(r for r in n["outcomes"] if r["strain"] == -1e-3 and r["method"] == "newton, steps of a fifth")
+    ours = (
+        f"the state itself is a {exact['homogeneous']} ({exact['its positive']} positive at −0.01 %,"
+        f" {far['its positive']} at −0.1 %); Newton finds that {exact['kind']}, then an alternating {far['kind']};"
+        f" in steps of a fifth a {fifth['kind']}, {fifth['distance']:.0e} from the homogeneous state"
+    )
+    return ours, judge(all(r["homogeneous"] == "minimum" for r in at.values()), fifth["distance"] < 1e-6)
+
+
+def step_region(n: dict) -> Found:
+    """Section 5.2."""
+    own, slopes = n["own critical strain, n = 100"], n["exponents"]
+    words = " and ".join(f"n^{slopes[N]:.1f} (N = {N})".replace("-", "−") for N in (3, 2))
+    ours = f"100 points: to {100 * own:.4f} %; with more it falls as {words}".replace("-", "−")
+    return ours, judge(own < 0.9 * n["diagonal"])
