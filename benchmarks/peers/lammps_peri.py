@@ -4,8 +4,8 @@ What to know to compare (read from its sources, and found by measuring):
 
 * A neighbour's volume counts with β = ½ + (δ − r)/h, at most 1: `pd.partial_volume_influence`. The influence function
   of peri/lps is 1/r, of peri/pmb 1; f is a force density.
-* peri/lps has no bonds yet in its first evaluation and leaves the critical stretch s0 at 0, so that the first stretch
-  breaks every stretched bond; a second evaluation at rest sets s0.
+* peri/lps has no bonds yet in its first evaluation and leaves the critical stretch s0 at whatever memory held (0 in a
+  fresh process, bonds that break at rest in a later one): s0 is set here, and a second evaluation at rest.
 * Points nearer than min(0.9 |ξ|, 1.35 h) repel each other besides: keep below 10 % of compression.
 * peri/lps/omp gives zero forces in the wheel of 22 July 2025 (its weighted volume is never computed), so only peri/pmb
   is offered with threads.
@@ -41,7 +41,6 @@ fix move all nve
 timestep 1e-30
 thermo 1000000000
 run 0 post no
-run 0 post no
 """
 
 
@@ -71,6 +70,8 @@ class Peri:
         words = " ".join(repr(float(c)) for c in constants)
         numbers = {"h": spacing, "skin": 0.5 * spacing, "horizon": horizon, "volume": spacing**3}
         self.engine.commands_string(SETUP.format(**sizes, **numbers, style=style, constants=words))
+        self._array("s0")[:] = 1e30
+        self.engine.command("run 0 post no")
         self.X = self._array("x").copy()
         cell = np.round(self.X / spacing - 0.5).astype(int)
         self.order = (cell[:, 0] * ny + cell[:, 1]) * nz + cell[:, 2]  # LAMMPS's points in pdjax's numbers
