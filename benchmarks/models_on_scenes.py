@@ -50,7 +50,7 @@ class Springs(pd.BondBased):
     modulus: float = 1.0
 
     def local_energy(self, F):
-        return 0.5 * self.modulus * seth_hill(jnp.log(F[0, 0]), self.m) ** 2
+        return 0.5 * self.modulus * seth_hill(jnp.log(F[0, 0]), 0.5 if self.m is None else self.m) ** 2
 
 
 def growth(scene, u) -> tuple[float, int]:

@@ -104,9 +104,9 @@ def micromodulus(dim, horizon):
 # ---------------------------------------------------------------- energies of one family
 
 
-def bond_based(f, c):
+def bond_based(f, c, m=0.5):
     s = length(f.Y) / length(f.xi)
-    return np.sum(f.w * c * (s - 1) ** 2 * length(f.xi)) / 4
+    return np.sum(f.w * c * ((s ** (2 * m) - 1) / (2 * m)) ** 2 * length(f.xi)) / 4
 
 
 def lps(f, bulk, shear):
@@ -245,6 +245,7 @@ FAMILY_ENERGIES = {
     "correspondence neo-hookean": lambda f: neo_hookean(gradient(f)),
     "seth_hill m=1, energy only": _seth_hill(1.0),
     "bond_based": lambda f: bond_based(f, 20.0),
+    "bond_based m=-0.3": lambda f: bond_based(f, 20.0, -0.3),
     "lps": lambda f: lps(f, 1.5, 0.7),
     "silling control": lambda f: svk(gradient(f)) + silling(f, 0.5),
     "wan control": lambda f: _seth_hill(0.4)(f) + wan(f),

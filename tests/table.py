@@ -38,6 +38,7 @@ MODELS = {
     "correspondence neo-hookean": pd.Correspondence(NEO_HOOKEAN),
     "seth_hill m=1, energy only": EnergyOnly(pd.SethHill(1.0, LINEAR)),
     "bond_based": pd.BondBased(20.0),
+    "bond_based m=-0.3": pd.BondBased(20.0, -0.3),
     "lps": pd.LPS(1.5, 0.7),
     "silling control": pd.Correspondence(LINEAR, pd.SillingControl(0.5)),
     "wan control": pd.SethHill(0.4, LINEAR, pd.WanControl()),

@@ -2,8 +2,9 @@
 
     W = Σ w · ½ · ½ c e_m(s)² |ξ|,   e_m = (s^{2m} − 1)/2m;    T = ½ ω c e_m s^{2m} Y/(s²|ξ|)
 
-Order m = ½, the default, is Silling's: e = s − 1, the force along the bond c (s − 1). Other orders are springs that
-stiffen or soften and cost the same: m = 1 quadratic in |Y|², m = 0 logarithmic (infinite work to collapse a bond).
+Without an order it is Silling's, e = s − 1, the force along the bond c (s − 1): that is order ½, which needs no
+logarithm and takes a third of the time (8 against 24 ms for 3.6 million bonds). Other orders are springs that stiffen
+or soften: m = 1 quadratic in |Y|², m = 0 logarithmic (infinite work to collapse a bond).
 
 c [pressure/length^(dim+1)] for a full ball and ω = 1, k the d-dimensional bulk modulus: 18k/(πδ⁴) in 3D, 12k/(πδ³) in
 2D, 2k/δ² in 1D. Poisson's ratio is not free: ¼ in 3D and plane strain (c = 48E/5πδ³), ⅓ in 2D and plane stress
@@ -20,7 +21,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from .._checks import as_real, check_positive, require
-from ..kinematics import log_stretch, seth_hill
+from ..kinematics import log_stretch, seth_hill, stretch_minus_one
 from ..neighbours import Bonds, Family
 from .base import PointStateModel, Sums
 from .control import micromodulus
@@ -30,10 +31,10 @@ FREE_SHEAR = {"strain": 0.6, "stress": 0.375}  # G/K at the one Poisson's ratio,
 
 
 class BondBased(PointStateModel):
-    """Springs of micromodulus c [pressure/length^(dim+1)], > 0, and order m [-]."""
+    """Springs of micromodulus c [pressure/length^(dim+1)], > 0, and order m [-]; no order: ½, Silling's."""
 
     c: Float[Array, "..."] = eqx.field(converter=as_real)
-    m: Float[Array, "..."] = eqx.field(converter=as_real, default=0.5)
+    m: Float[Array, "..."] | None = eqx.field(converter=lambda m: m if m is None else as_real(m), default=None)
     moduli_exact: ClassVar[bool] = False
     rings: ClassVar[int] = 1
     additive: ClassVar[bool] = True
@@ -86,8 +87,9 @@ class BondBased(PointStateModel):
         return True
 
     def energy(self, bonds: Bonds) -> Float[Array, ""]:
-        e = seth_hill(log_stretch(bonds.xi, bonds.eta), self.m)
-        return 0.25 * self.c * jnp.sum(bonds.omega * bonds.volume * jnp.linalg.norm(bonds.xi, axis=1) * e**2)
+        xi, eta = bonds.xi, bonds.eta
+        e = stretch_minus_one(xi, eta) if self.m is None else seth_hill(log_stretch(xi, eta), self.m)
+        return 0.25 * self.c * jnp.sum(bonds.omega * bonds.volume * jnp.linalg.norm(xi, axis=1) * e**2)
 
     def moments(self, bond: Bonds) -> tuple[Any, Any]:
         return (), ()
@@ -96,6 +98,9 @@ class BondBased(PointStateModel):
         return ()
 
     def bond_force(self, here: Any, there: Any, bond: Bonds) -> Float[Array, " dim"]:
-        ell = log_stretch(bond.xi, bond.eta)
         scale = 0.5 * self.c * bond.omega / jnp.sqrt(jnp.dot(bond.xi, bond.xi))
+        if self.m is None:
+            e = stretch_minus_one(bond.xi, bond.eta)
+            return scale * e / (1 + e) * (bond.xi + bond.eta)
+        ell = log_stretch(bond.xi, bond.eta)
         return scale * seth_hill(ell, self.m) * jnp.exp(2 * (self.m - 1) * ell) * (bond.xi + bond.eta)
