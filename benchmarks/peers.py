@@ -4,7 +4,8 @@ First they must agree, then they are timed, in one run and in turns (A B C A B C
 alike; a time is the median of its turns, with the fastest beside it. A cube of 32³ points (--quick: 12³), horizon 3.015
 spacings (and 6 for Silling's correspondence), float64. A peer that isn't installed is named and left out.
 
-* force: seconds of one f(u), from an array (points, 3) to an array (points, 3); and by bond.
+* force: seconds of one f(u), from an array (points, 3) to an array (points, 3); and by bond. pdjax takes the cheapest
+  way a lattice has; its padded families, what a general cloud is evaluated by, belong beside Numba's neighbour lists.
 * Hessian of LPS: `pd.jacobian` beside LAMMPS's dynamical_matrix and beside central differences of the Numba kernel.
 * spectrum of a held body: `pd.body_spectrum` beside ARPACK on differences of the Numba kernel.
 * stability map: `pd.stability_map` beside NumPy with a Jacobian by differences, on the same waves.
@@ -27,7 +28,13 @@ jax.config.update("jax_enable_x64", True)
 QUICK = "--quick" in sys.argv[1:]
 LAM, MU, BULK, SHEAR, C = 1.0, 0.8, 1.3, 0.7, 1.3
 LAW = pd.LinearElastic(LAM, MU)
-COLOURS = {"pdjax": "#000000", "Numba, lattice": "#0072B2", "Numba, list": "#E69F00", "LAMMPS": "#CC79A7"}
+COLOURS = {
+    "pdjax": "#000000",
+    "pdjax, families": "#56B4E9",
+    "Numba, lattice": "#0072B2",
+    "Numba, list": "#E69F00",
+    "LAMMPS": "#CC79A7",
+}
 MODELS = {
     "PMB": (pd.BondBased(C), "PMB", (C,), ("pmb", (C,), pd.constant_influence)),
     "LPS": (pd.LPS(BULK, SHEAR), "LPS", (BULK, SHEAR), ("lps", (BULK, SHEAR), pd.inverse_distance_influence)),
@@ -37,9 +44,9 @@ MODELS = {
 }
 
 
-def ours(model, fams):
-    """pdjax's side of every comparison: f(u), compiled. Whatever way becomes the quickest is put here."""
-    operator = pd.force_operator(model, fams)
+def ours(model, fams, way="auto"):
+    """pdjax's side of every comparison: f(u), compiled."""
+    operator = pd.force_operator(model, fams, way)
     return lambda u: np.asarray(operator(jnp.asarray(u)))
 
 
@@ -61,7 +68,8 @@ PEERS = {name: peer(name) for name in ("lattice_forces", "list_forces", "grid", 
 def contenders(name: str, body: pd.Points, horizon: float) -> dict:
     """name → f(u) of every peer that has the model, LAMMPS apart."""
     model, kind, constants, _ = MODELS[name]
-    made = {"pdjax": ours(model, pd.families(body, horizon))}
+    fams = pd.families(body, horizon)
+    made = {"pdjax": ours(model, fams), "pdjax, families, 2": ours(model, fams, "families")}
     if PEERS["lattice_forces"]:
         grid = PEERS["grid"].Grid(body.shape, body.spacing, horizon, border=kind == "Silling")
         cloud = PEERS["list_forces"].Cloud(body.positions, body.volumes, horizon)
@@ -112,6 +120,9 @@ def forces(name: str, side: int, horizon: float, turns: int) -> dict:
         "seconds": seconds,
         "nanoseconds per bond": {key: 1e9 * s["median"] / bonds for key, s in seconds.items()},
         "speed of pdjax over it": {key: s["median"] / seconds["pdjax"]["median"] for key, s in seconds.items()},
+        "speed of pdjax, families, over it": {
+            key: s["median"] / seconds["pdjax, families, 2"]["median"] for key, s in seconds.items() if "list" in key
+        },
     }
 
 
@@ -220,7 +231,7 @@ def chart(rows: dict) -> Figure:
             kind, _, threads = key.rpartition(", ")
             colour = COLOURS[kind or key]
             filled = colour if threads == "1" or key == "pdjax" else "white"
-            shape = "D" if key == "pdjax" else "o"
+            shape = "D" if key.startswith("pdjax") else "o"
             axes.plot([value], [-place], shape, color=colour, markerfacecolor=filled, markersize=8, label=key)
     handles, labels = axes.get_legend_handles_labels()
     unique = dict(zip(labels, handles, strict=True))
