@@ -90,7 +90,12 @@ def _parser() -> argparse.ArgumentParser:
         description="Draw where the Seth–Hill model of order m is stable under the load a: exactly, by the symbol,"
         "\nwith the lines of the cheaper criteria. Writes OUT.png and OUT.npz and prints critical loads.",
     )
-    job.add_argument("--m", type=_range, default="-2:2:200", help="orders lo:hi:count (default -2:2:200)")
+    job.add_argument(
+        "--m",
+        type=_range,
+        default="-2:2:200",
+        help="orders lo:hi:count, = before a minus sign (default --m=-2:2:200)",
+    )
     job.add_argument("--a", type=_range, default="-0.3:0.3:200", help="loads lo:hi:count (default -0.3:0.3:200)")
     job.add_argument("--out", default="pdjax-map", help="name of the files without ending (default pdjax-map)")
 
@@ -194,7 +199,7 @@ def _map(arguments) -> Job:
         first = pd.stability_map(arguments.m[::4], arguments.a[::4], **rest)
         write_picture(pd.figures.stability_map(first), picture)
         print(f"first picture, {first.margin.size} states, after {time.perf_counter() - start:.1f} s", file=sys.stderr)
-    lines = ["diagonal", "material_center", "affine", "local", "continuum"]
+    lines = ["diagonal", "affine", "local", "continuum"]
     grid = pd.stability_map(arguments.m, arguments.a, lines=lines, save=data, **rest)
     seconds = time.perf_counter() - start
     orders = np.array([-1.0, 0.0, 0.5, 1.0, 2.0])
@@ -228,7 +233,7 @@ def _critical(arguments) -> Job:
     rows = _critical_rows(arguments.m, names, law, path, influence, arguments)
     if not arguments.json:
         print(f"{arguments.dim}D, N = {arguments.N:g}, {arguments.path}: critical loads a [-]")
-        print("(0: unstable at once; none: not within -0.9 to 1)")
+        print("(0: unstable at once; none: not within -0.9 to 1; states that are marginal count as not unstable)")
         print(_table(rows))
     return {"critical_loads": rows}, None
 
@@ -275,7 +280,10 @@ def _symbol(arguments) -> Job:
         k = ", ".join(f"{x:.4f}" for x in np.asarray(result.wave_vector) / np.pi)
         mode = ", ".join(f"{x:.4f}" for x in np.asarray(result.mode))
         print(f"{result.verdict}: margin {out['margin']:+.6e} (zero within {out['tolerance']:.0e})")
-        print(f"wave vector ({k}) π/h, mode ({mode}), eigenvalue {out['eigenvalue']:+.6e} (spacing 1, unit of lam)")
+        unit = float(pd.p_wave_modulus(model, fam))
+        print(f"wave vector ({k}) π/h, mode ({mode})")
+        print(f"eigenvalue {out['eigenvalue']:+.6e} (spacing 1, unit of lam), λ h²/M {out['eigenvalue'] / unit:+.6e}")
+        print(f"M = {unit:g}, the lattice's λ + 2μ at rest")
         print(f"zone grid: {result.resolution} intervals from 0 to π/h")
 
     def files() -> str:
@@ -329,7 +337,7 @@ def main(argv: list[str] | None = None) -> int:
         print(f"pdjax {arguments.job}: {error}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
-        print(f"\npdjax {arguments.job}: interrupted; what was saved so far is kept", file=sys.stderr)
+        print(f"\npdjax {arguments.job}: interrupted; files that are written already stay", file=sys.stderr)
         return 130
     return 0
 

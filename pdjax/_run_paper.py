@@ -2,11 +2,11 @@
 
 import argparse
 import sys
-import time
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
-from ._run_motions import Job, write_picture
+from ._run_motions import Job
 
 
 def add_paper(jobs: Any, formatter: Any) -> None:
@@ -21,55 +21,40 @@ def add_paper(jobs: Any, formatter: Any) -> None:
     )
     job.add_argument("--figure", nargs="+", metavar="NAME", help="figures to make (default: all; see --list)")
     job.add_argument("--out", metavar="DIR", help="directory (default pdjax-paper, or pdjax-paper-quick)")
-    job.add_argument("--quick", action="store_true", help="reduced sizes, said on each figure: three minutes")
+    job.add_argument("--quick", action="store_true", help="reduced sizes, said on each figure: two minutes")
     job.add_argument("--list", action="store_true", help="list the figures and stop")
     job.add_argument("--json", action="store_true", help="print one JSON object instead of text")
 
 
 def run_paper(arguments: argparse.Namespace) -> Job:
     """Do the job: what goes to --json; every file is written on the way."""
-    import jax
-
     from ._checks import choice
-    from .paper import FIGURES, results
+    from .paper import FIGURES, making, results
 
     if arguments.list:
         if not arguments.json:
             print("\n".join(f"{name:<14}{sheet.shows}" for name, sheet in FIGURES.items()))
         return {"figures": {name: sheet.shows for name, sheet in FIGURES.items()}}, None
-    names = [choice("figure", name, list(FIGURES)) for name in arguments.figure or FIGURES]
+    names = list(dict.fromkeys(choice("figure", name, list(FIGURES)) for name in arguments.figure or FIGURES))
     out = directory(Path(arguments.out or ("pdjax-paper-quick" if arguments.quick else "pdjax-paper")))
     found = results.read(out, arguments.quick)
-    optimised = jax.config.read("jax_disable_most_optimizations")
-    if arguments.quick:  # small problems: compiling takes longer than running
-        jax.config.update("jax_disable_most_optimizations", True)
-    try:
-        for name in dict.fromkeys(names):
-            if results.finished(found, out, name):
-                _say(arguments, f"{name}: there already ({results.picture(out, name)})")
-                continue
-            make(name, out, found, arguments)
-    finally:
-        jax.config.update("jax_disable_most_optimizations", optimised)
+    jobs = {}
+    for name in names:
+        if results.finished(found, out, name):
+            _say(arguments, f"{name}: there already ({results.picture(out, name)})")
+        else:
+            jobs[name] = (name, arguments.quick, results.picture(out, name))
+    with closing(making.each(making.make, jobs, making.processes(len(jobs)))) as finished:
+        for name, (numbers, seconds) in finished:
+            file = results.picture(out, name)
+            results.keep(found, name, {"file": file.name, "shows": FIGURES[name].shows, "seconds": seconds}, numbers)
+            results.write(found, out)
+            _say(arguments, f"{name}: {file} ({seconds:.0f} s)")
     mine = [row for row in found["claims"] if row["figure"] in names]
     if not arguments.json:
         print("\n" + table(mine))
         print(f"\n{results.counts({'claims': mine})}; {out / 'paper.md'} has it with the tests that hold it")
     return {"out": str(out), "claims": mine, "figures": found["figures"]}, None
-
-
-def make(name: str, out: Path, found: dict, arguments: argparse.Namespace) -> None:
-    """One sheet: its picture, then its numbers and claims among the results."""
-    from .paper import FIGURES, results
-
-    start = time.perf_counter()
-    numbers, figure = FIGURES[name].make(arguments.quick)
-    file = results.picture(out, name)
-    write_picture(figure, file)
-    seconds = round(time.perf_counter() - start, 1)
-    results.keep(found, name, {"file": file.name, "shows": FIGURES[name].shows, "seconds": seconds}, numbers)
-    results.write(found, out)
-    _say(arguments, f"{name}: {file} ({seconds:.0f} s)")
 
 
 def directory(out: Path) -> Path:

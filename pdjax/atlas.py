@@ -34,7 +34,7 @@ from .evaluate import force_operator
 from .family_search import families
 from .laws import LinearElastic, law_label
 from .models.base import AbstractModel
-from .models.catalogue import CATALOGUE
+from .models.catalogue import CATALOGUE, model_name
 from .models.correspondence import Correspondence
 from .neighbours import Family, lattice_family
 from .paths import PATHS
@@ -237,9 +237,7 @@ def model_atlas(
         gone on with if it is there and of the same settings.
     Raises: ValueError for an unknown name, a file of other settings; OSError where it can't be written.
     """
-    names = list(CATALOGUE) if models is None else list(models)
-    for name in names:
-        choice("model", name, list(CATALOGUE))
+    names = list(CATALOGUE) if models is None else [model_name(name) for name in models]
     for name in paths:
         choice("path", name, list(PATHS))
     law = LinearElastic(lam=1.0, mu=1.0) if law is None else law  # type: ignore

@@ -4,6 +4,7 @@ One compiled kernel evaluates a chunk of (m, a) pairs for the main criterion and
 drawn; the host walks over the chunks, so memory grows with the answer, and stops leave what is done.
 """
 
+import inspect
 import json
 import os
 import time
@@ -153,6 +154,14 @@ def _axis(name: str, values) -> np.ndarray:
     return axis
 
 
+def _parameter(make: Callable) -> str:
+    """What a function of one parameter calls it."""
+    try:
+        return next(iter(inspect.signature(make).parameters))
+    except (TypeError, ValueError, StopIteration):
+        return "parameter"
+
+
 def _thinned(x: np.ndarray) -> np.ndarray:
     return x[np.linspace(0, len(x) - 1, min(len(x), _LINE_POINTS)).round().astype(int)]
 
@@ -204,6 +213,7 @@ def stability_map(
         "dim": dim,
         "N": horizons.tolist(),
         "model": "SethHill by order" if model is None else type(first).__name__,
+        "parameter": "m" if model is None else _parameter(model),
         "law": law_label(law) if law is not None else type(first).__name__,
         "path": getattr(path, "__name__", repr(path)),
         "criterion": criterion,

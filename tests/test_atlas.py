@@ -67,7 +67,7 @@ def test_a_second_run_goes_on_with_the_file(small, monkeypatch):
 
 def test_bad_input(small, tmp_path):
     _, path = small
-    with pytest.raises(ValueError, match="model must be one of bond-based"):
+    with pytest.raises(ValueError, match="model must be one of\n  'bond-based'"):
         pd.model_atlas(["unheard of"])
     with pytest.raises(ValueError, match="path must be one of hydrostatic"):
         pd.model_atlas(["Silling"], paths=["sideways"])

@@ -13,6 +13,7 @@ import pytest
 import reference as ref
 from scipy.integrate import dblquad
 from scipy.optimize import brentq
+from scipy.special import sici
 
 from pdjax import closed_forms as cf
 
@@ -188,6 +189,18 @@ def test_dispersion_1d(m):
         limit = cf.dispersion_limit_1d(k, N, kappa, 2.5)
         assert abs(limit + ref.symbol_of_row(row, [k])[0, 0] / 2.5) < 1e-14  # 6e-17
         assert abs(limit - cf.dispersion_1d(k, 1e-9, m, N, kappa, 2.5)) < 1e-8  # 2e-10, of the order of u₀ = 1e-9
+
+
+def test_dispersion_of_the_continuum_is_the_sine_integral_and_the_limit_of_lattices():
+    k = np.linspace(0, 40, 401)
+    known = sici(k * 0.5)[0] ** 2 * 3.0 / (2.5 * 0.25)
+    assert abs(cf.dispersion_continuum_1d(k, 0.5, 3.0, 2.5) - known).max() < 1e-13  # measured 4e-15
+    omega = float(cf.dispersion_continuum_1d(7.0, 0.5)) ** 0.5
+    gaps = [omega - float(cf.dispersion_limit_1d(7.0, N, spacing=0.5 / N)) ** 0.5 for N in (40, 80, 160)]
+    # Σ h f(ph) falls short of the integral by ½h (f(0) − f(δ)) to first order, f(ξ) = sin(kξ)/ξ
+    first = 0.5 * (7.0 - np.sin(3.5) / 0.5) / 0.5 * 0.5 / np.array([40, 80, 160])
+    assert np.allclose(gaps, first, rtol=0.01)
+    assert abs(gaps[0] / gaps[1] - 2) < 0.02 and abs(gaps[1] / gaps[2] - 2) < 0.01
 
 
 def test_singular_bar():

@@ -33,6 +33,18 @@ def test_printed_criterion_only_where_the_paper_prints_one(grid):
     assert pd.figures.still._printed(moved, 3.0) is None
 
 
+def test_a_table_is_text_that_a_notebook_draws():
+    made = pd.figures.table(("k", "|λ|"), [(1, "a|b"), (2.5, None)])
+    assert made == "| k | \\|λ\\| |\n| --- | --- |\n| 1 | a\\|b |\n| 2.5 | None |"
+    assert made._repr_markdown_() == str(made)
+    with pytest.raises(ValueError, match="row 1 must have 2 cells"):
+        pd.figures.table(("k", "λ"), [(1, 2), (3,)])
+
+
+def test_no_series_has_the_colour_of_a_criterion():
+    assert not {colour.upper() for colour in pd.figures.SERIES} & {c.upper() for c in pd.figures.COLOURS.values()}
+
+
 def test_unknown_attribute_is_an_attribute_error():
     with pytest.raises(AttributeError, match="no attribute 'figure'"):
         _ = pd.figure

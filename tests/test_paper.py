@@ -1,37 +1,41 @@
 """The paper on the command line: its table, what survives an interrupt, bad input, and the results that are kept."""
 
 import json
+import multiprocessing
+import os
 import re
 import shlex
+import time
 from pathlib import Path
 
+import jax
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
 from pdjax import paper
 from pdjax.__main__ import _parser, main
-from pdjax.paper import a_cr, cuboid, m_cr, results, singular_bar, step_bar
+from pdjax.paper import a_cr, cuboid, m_cr, making, results, singular_bar, step_bar
 from pdjax.paper._common import Claim, Sheet, judge
 
 ROOT = Path(__file__).parent.parent
 SAVED = ROOT / "benchmarks" / "results"
-SLIPS = {
-    "S1": "volume",
-    "S2": "sums",
-    "S3": "law",
-    "S4": "factor",
-    "S5": "a_cr_2d",
-    "S6": "dTdY",
-    "S7": "discretisation",
-    "S8": "log",
-    "S9": "step_size",
-    "S10": "waves_large",
-    "S11": "m_cr_3d",
-    "S12": "strain",
-    "S13": "inequality",
-    "S14": "hencky",
-    "S15": "static",
+QUESTIONS = {
+    "S1": ("volume",),
+    "S2": ("sums",),
+    "S3": ("law",),
+    "S4": ("factor",),
+    "S5": ("a_cr_2d",),
+    "S6": ("dTdY",),
+    "S7": ("discretisation", "nonlocality"),
+    "S8": ("log",),
+    "S9": ("step_size", "step_region"),
+    "S10": ("waves_small", "waves_large"),
+    "S11": ("m_cr_3d",),
+    "S12": ("strain",),
+    "S13": ("inequality",),
+    "S14": ("hencky",),
+    "S15": ("static",),
 }
 
 
@@ -53,8 +57,9 @@ def test_tests_named_in_the_table_exist():
 
 def test_each_suspected_slip_is_a_question_with_a_test():
     by_key = {claim.key: claim for claim in paper.CLAIMS}
-    assert sorted(SLIPS.values()) == sorted(key for key, claim in by_key.items() if claim.question)
-    assert all(by_key[key].test for key in SLIPS.values())
+    asked = sorted(key for keys in QUESTIONS.values() for key in keys)
+    assert asked == sorted(key for key, claim in by_key.items() if claim.question)
+    assert all(by_key[key].test for key in asked)
 
 
 def test_commands_of_the_table_are_commands():
@@ -62,17 +67,6 @@ def test_commands_of_the_table_are_commands():
         program, *words = shlex.split(claim.command or "pdjax paper --figure family")
         assert program == "pdjax"
         _parser().parse_args(words)  # exits on a wrong word
-
-
-def test_verdicts_follow_from_the_numbers():
-    """The same function says another word of other numbers."""
-    assert [judge(True), judge(False, True), judge(False)] == ["confirmed", "corrected", "refuted"]
-    assert a_cr.quoted_1d({"1D diagonal": {1: -0.18352, 3: -0.0742}})[1] == "confirmed"
-    assert a_cr.quoted_1d({"1D diagonal": {1: -0.18352, 3: -0.0752}})[1] == "refuted"
-    space = {"m_cr": {"3D": {"printed": 0.0, "corrected": -0.5, "exact": -0.5}}}
-    assert m_cr.m_cr_space(space)[1] == "corrected"
-    space["m_cr"]["3D"]["exact"] = 0.0
-    assert m_cr.m_cr_space(space)[1] == "confirmed"
 
 
 # --- what the sheets measure with
@@ -142,6 +136,32 @@ def test_bad_input_is_said_before_anything_is_made(arguments, words, tmp_path, c
     assert sorted(tmp_path.rglob("*")) == before
 
 
+def answer(name: str, mood: str) -> str:
+    """What a process of its own is given to do."""
+    if mood == "dies":
+        os._exit(1)
+    if mood == "sleeps":
+        time.sleep(600)
+    if mood == "fails":
+        raise ValueError(f"{name} fails")
+    return f"{name}, float64: {jax.config.jax_enable_x64}"
+
+
+def test_processes_answer_as_they_finish_with_the_settings_of_the_first():
+    jobs = {"a": ("a", ""), "b": ("b", "")}
+    found = dict(making.each(answer, jobs, 2))
+    assert found == {name: f"{name}, float64: True" for name in jobs} == dict(making.each(answer, jobs, 1))
+
+
+@pytest.mark.parametrize(
+    ("mood", "error", "words"), [("fails", ValueError, "b fails"), ("dies", ChildProcessError, "made b ended without")]
+)
+def test_what_ends_a_sheet_ends_the_run_and_leaves_no_process(mood, error, words):
+    with pytest.raises(error, match=words):
+        list(making.each(answer, {"a": ("a", "sleeps"), "b": ("b", mood)}, 2))
+    assert not multiprocessing.active_children()
+
+
 @pytest.fixture
 def two_sheets(monkeypatch):
     """Two cheap sheets and a claim each; the second can be told to stop."""
@@ -165,6 +185,7 @@ def two_sheets(monkeypatch):
     sheets = {name: sheet(name) for name in ("first", "second")}
     table = tuple(Claim(name, name, "here", "2", name, check, question="Is it two?", test="t") for name in sheets)
     monkeypatch.setattr(paper, "FIGURES", sheets)
+    monkeypatch.setattr(making, "processes", lambda jobs: 1)  # what is patched here is not patched in another process
     monkeypatch.setattr(results, "CLAIMS", table)
     return made, stop
 

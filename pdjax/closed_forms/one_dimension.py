@@ -108,6 +108,21 @@ def dispersion_limit_1d(k, N, modulus=1.0, density=1.0, spacing=1.0):
     return modulus / (density * N**2 * spacing**2) * jnp.sum(jnp.sin(k * p * spacing) / p, axis=-1) ** 2
 
 
+def dispersion_continuum_1d(k, horizon, modulus=1.0, density=1.0):
+    """ω² of the continuum, h → 0 at a fixed horizon, about rest: κ/(ρδ²) Si(kδ)², Si the sine integral.
+
+    Si(x) > 0 for x > 0: no wave has frequency 0. The zero of `dispersion_limit_1d` at k = π/h is the lattice's, which
+    goes to this at the first order in h.
+
+    Arguments: k (...) [1/length], |k| δ ≤ 200; horizon δ [length]; modulus κ [pressure]; density ρ.
+    Returns: (...) [1/time²]. Source: ours; the integral that the sum of `dispersion_limit_1d` is for.
+    """
+    t, weight = np.polynomial.legendre.leggauss(160)  # Si(x) = ∫₀¹ sin(xt)/t dt, to 6e-13 for |x| ≤ 200
+    t, weight = 0.5 * (t + 1), 0.5 * weight
+    x = jnp.asarray(k, dtype=jnp.result_type(k, float))[..., None] * horizon
+    return modulus / (density * horizon**2) * jnp.sum(weight * jnp.sin(x * t) / t, axis=-1) ** 2
+
+
 def clamped_bar_critical_strain(free, N):
     """Leading order, for many free points, of the compression at which a clamped bar of order m = 1 becomes unstable.
 

@@ -68,10 +68,18 @@ def kept_symmetry(F, fam: Family, isotropic: bool) -> str:
 
 def check_at_rest(model: AbstractModel, fam: Family) -> None:
     """Refuse a singular family, and a model whose P-wave modulus is not positive: every margin is divided by it."""
+    if not isinstance(fam, Family):
+        raise ValueError(f"an infinite lattice is one Family, of pd.lattice_family(dim, N); got {type(fam).__name__}")
     check_model(model, fam)
     if is_concrete(model, fam):
         with jax.ensure_compile_time_eval():
             M = float(p_wave_modulus(model, fam))
+        if np.isnan(M):
+            raise ValueError(
+                f"{type(model).__name__} has no stiffness at rest that is a number: its P-wave modulus there is nan. Is"
+                " every constant finite? Does the energy take a norm or a power of bonds.eta, which is 0 at rest (eta ="
+                " u_j − u_i; the deformed bond is xi + eta)?"
+            )
         if not M > 0:
             raise ValueError(
                 f"law must have a positive P-wave modulus (lam + 2 mu) at rest; this one has {M:g}:"

@@ -8,6 +8,7 @@ hydrostatic strain the margin has the sign of −aΓ(m). Source: Behzadinasab & 
 
 from functools import lru_cache
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
@@ -46,4 +47,7 @@ def continuum(model: AbstractModel, fam: Family, F: Float[Array, "dim dim"], at=
     omega: Array = jnp.asarray(weights, dtype=fam.xi.dtype)
     bonds = Bonds(xi, xi @ (F - jnp.eye(fam.dim, dtype=F.dtype)).T, omega, jnp.ones_like(omega), jnp.ones((), xi.dtype))
     value, mode = decide(-2 * jnp.sum(linearise_states(model, bonds).B, axis=0), at)
-    return Outcome(value / p_wave_modulus(model, fam), value, mode, at=mode)
+    unit = p_wave_modulus(model, fam)
+    tension = jnp.linalg.norm(model.force_state(bonds), axis=1) / jnp.linalg.norm(bonds.xi + bonds.eta, axis=1)
+    scale = 2 * jnp.sum(tension) / unit  # of the terms that cancel where Γ(m) = 0
+    return Outcome(value / unit, value, mode, scale=jax.lax.stop_gradient(scale), at=mode)

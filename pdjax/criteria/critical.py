@@ -113,11 +113,12 @@ def critical_load(
         [-] (default 0.9 negative, 1.0 positive); resolution as in `stability`.
     Returns: a_cr [-], with exact first derivatives in model and fam. 0 where the side is unstable at |a| = 1e-6 already
         (or nearer to 0 than its tolerance can tell), ±inf where it is not within the limit. Unstable windows
-        narrower than limit/48, the sampling step, can be missed.
+        narrower than limit/48, the sampling step, can be missed. A marginal state is not an unstable one: `stability`
+        and `zero_energy_waves` tell of waves that cost nothing.
     Raises: ValueError for an unknown criterion or side, a limit not in (1e-6, 1) on the negative side.
     """
     choice("criterion", criterion, list(CRITERIA))
-    choice("side", side, SIDES)
+    choice("side (of a: under hydrostatic and uniaxial load negative is compression)", side, SIDES)
     if not callable(path):
         raise ValueError(f"path must be a function (a, model, fam) -> F, such as pd.hydrostatic; got {path!r}")
     limit = LIMITS[side] if limit is None else limit

@@ -2,11 +2,13 @@
 
 from .atlas import model_atlas
 from .moving import Branch, animation, cuboid, dispersion_curves, motion
-from .still import COLOURS, LABELS, STYLES, BarCase, bars, dispersion, stability_map
+from .still import COLOURS, LABELS, SERIES, STYLES, BarCase, bars, dispersion, stability_map
+from .tables import table
 
 __all__ = [
     "COLOURS",
     "LABELS",
+    "SERIES",
     "STYLES",
     "BarCase",
     "Branch",
@@ -18,4 +20,5 @@ __all__ = [
     "model_atlas",
     "motion",
     "stability_map",
+    "table",
 ]

@@ -11,14 +11,14 @@ from typing import Any, NamedTuple
 import numpy as np
 from matplotlib.animation import FFMpegWriter, FuncAnimation, PillowWriter
 from matplotlib.figure import Figure, SubFigure
+from matplotlib.lines import Line2D
 
 from .._checks import moved_whole
 from ..dynamics.history import History
 from ..problem import Scene
-from .still import COLOURS
+from .still import COLOURS, SERIES
 
 ZERO = 1e-9  # of the largest displacement: what rounding leaves of a component that symmetry forbids (seen: 1e-12)
-PALETTE = ("#000000", "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 
 
 class Branch(NamedTuple):
@@ -45,24 +45,25 @@ def dispersion_curves(
     """
     figure = Figure(figsize=(4.6 * len(panels) + 0.4, 4.6), layout="constrained") if on is None else on
     axes = figure.subplots(1, len(panels), sharey=True, squeeze=False)[0]
-    fixed = {"classical": "#888888", "symbol": COLOURS["symbol"]}
-    taken = any(branch.name == "symbol" for branches in panels.values() for branch in branches)
-    colours = PALETTE[1:] if taken else PALETTE  # black is the symbol's
+    fixed = {"classical": "#888888", "symbol": COLOURS["symbol"], "continuum": COLOURS["continuum"]}
     for panel, (name, branches) in zip(axes, panels.items(), strict=True):
         colour = 0
         for branch in branches:
-            shade = fixed.get(branch.name, colours[colour % len(colours)])
+            shade = fixed.get(branch.name, SERIES[colour % len(SERIES)])
             colour += branch.name not in fixed
             panel.plot(branch.k, branch.omega, branch.style, color=shade, linewidth=1.4, label=branch.name)
             if branch.zero is not None and branch.zero.any():
                 at = branch.k[branch.zero]
-                panel.plot(at, np.zeros_like(at), "o", mfc="none", mec=PALETTE[2], ms=8, clip_on=False, zorder=5)
+                panel.plot(at, np.zeros_like(at), "o", mfc="none", mec=COLOURS["symbol"], ms=8, clip_on=False, zorder=5)
         panel.set_title(name, fontsize=10)
         panel.set_xlabel("wave number  k h / π  [–]")
         panel.set_xlim(branches[0].k[0], branches[0].k[-1])
     axes[0].set_ylabel("frequency  Re ω h / c  [–]")
     axes[0].set_ylim(0, highest)
     handles, words = axes[0].get_legend_handles_labels()
+    if any(branch.zero is not None and branch.zero.any() for branches in panels.values() for branch in branches):
+        handles.append(Line2D([], [], linestyle="", marker="o", mfc="none", mec=COLOURS["symbol"], ms=8))
+        words.append("costs no energy")
     figure.legend(handles, words, loc="outside lower center", ncols=4, fontsize=9, frameon=False)
     figure.suptitle(title, fontsize=11)
     return figure
@@ -84,7 +85,7 @@ def cuboid(runs: dict[str, dict[str, Any]], title: str, field: dict[str, Any] | 
         upper, lower = figure, None
     axes = upper.subplots()
     for number, (name, run) in enumerate(runs.items()):
-        colour = PALETTE[number % len(PALETTE)]
+        colour = SERIES[number % len(SERIES)]
         strain, force = 100 * np.asarray(run["strain"]), np.asarray(run["force"])
         axes.plot(strain, force, run.get("style", "-"), color=colour, linewidth=1.3, label=name)
     strains = 100 * np.concatenate([run["strain"] for run in runs.values()])
@@ -132,7 +133,7 @@ def motion(history: History, amplitude: np.ndarray, law: dict[str, np.ndarray], 
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(2, 1))
     grows = np.abs(amplitude).max() > 1e3 * np.abs(amplitude[0])
     shown = np.abs(amplitude) if grows else amplitude
-    upper.plot(history.times, shown, "o", color=COLOURS["diagonal"], markersize=3.5, label="motion")
+    upper.plot(history.times, shown, "o", color=SERIES[0], markersize=3.5, label="motion")
     for name, values in law.items():
         upper.plot(history.times, np.abs(values) if grows else values, "-", color="#000000", linewidth=1.1, label=name)
     if grows:
@@ -140,7 +141,7 @@ def motion(history: History, amplitude: np.ndarray, law: dict[str, np.ndarray], 
     upper.set_ylabel("amplitude of the mode / its start  [–]")
     upper.legend(frameon=False, fontsize=9)
     upper.set_title(title, fontsize=10)
-    lower.plot(history.times, np.asarray(history.energies.error), color=COLOURS["symbol"], linewidth=1.1)
+    lower.plot(history.times, np.asarray(history.energies.error), color=SERIES[1], linewidth=1.1)
     lower.set_ylabel("energy error  [–]")
     lower.ticklabel_format(axis="y", style="sci", scilimits=(0, 0))
     lower.set_xlabel(f"time  {unit or '[unit of time]'}")
@@ -170,7 +171,7 @@ def animation(
     axes = figure.subplots()
     axes.set_xlabel("x")
     if dim == 1:
-        (line,) = axes.plot(X[:, 0], colour[0], ".-", color=COLOURS["diagonal"], linewidth=0.8, markersize=3)
+        (line,) = axes.plot(X[:, 0], colour[0], ".-", color=SERIES[0], linewidth=0.8, markersize=3)
         axes.set_ylim(-1.1 * limit, 1.1 * limit)
         axes.set_ylabel("u")
     else:

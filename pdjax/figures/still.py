@@ -1,6 +1,7 @@
 """Maps, spectra and bars at rest: arrays in, a matplotlib Figure out.
 
-The same colour means the same criterion everywhere (Okabe & Ito's colour-blind-safe set).
+The same colour means the same criterion everywhere (COLOURS, Okabe & Ito's colour-blind-safe set); orders, horizons,
+models and what is measured take theirs from SERIES (Tol's muted set), which has none of those.
 """
 
 from collections.abc import Sequence
@@ -30,6 +31,7 @@ COLOURS = {
     "continuum": "#56B4E9",
     "printed": "#444444",
 }
+SERIES = ("#332288", "#44AA99", "#CC6677", "#999933", "#AA4499", "#117733", "#661100")
 STYLES = {
     "symbol": "-",
     "diagonal": "-",
@@ -138,12 +140,14 @@ def stability_map(grid: StabilityMap, horizon: int = 0) -> Figure:
             line(axes[-1], "printed", grid.m, grid.a, printed, "--", "diagonal, as printed in the paper")
     for on in axes:
         mine = settings.get("model", "SethHill by order")
-        on.set_xlabel("order m of the Seth–Hill strain  [–]" if mine == "SethHill by order" else f"parameter of {mine}")
+        own = f"{settings.get('parameter', 'parameter')} of {mine}"
+        on.set_xlabel("order m of the Seth–Hill strain  [–]" if mine == "SethHill by order" else own)
         on.set_xlim(grid.m.min(), grid.m.max())
         on.set_ylim(grid.a.min(), grid.a.max())
     axes[0].set_ylabel(f"{settings['path'].replace('_', ' ')} load a  [%]")
     _percent(axes[0].yaxis)
-    seen = [word for word in ("stable", "unstable", "undefined") if (words == word).any()]
+    # a line of marginal states at a = 0 is in every map and needs no name
+    seen = [word for word in _WORDS if np.mean(words == word) > (2 / len(grid.a) if word == "marginal" else 0)]
     patches = [matplotlib.patches.Patch(facecolor=_REGIONS[w], edgecolor="#888888", label=w) for w in seen]
     handles = patches + list(drawn.values())
     figure.legend(handles=handles, loc="outside lower center", ncols=4, fontsize=9, frameon=False)
@@ -178,7 +182,7 @@ def bars(
     """
     columns, with_modes = len(cases), any(case.mode is not None for case in cases)
     if on is None:
-        on = Figure(figsize=(4.2 * columns + 0.6, 8.0 if with_modes else 6.0), layout="constrained")
+        on = Figure(figsize=(3.3 * columns + 0.6, 7.2 if with_modes else 5.4), layout="constrained")
     figure = on
     ratios = (3, 3, 1.6) if with_modes else (1, 1)
     axes = figure.subplots(len(ratios), columns, sharex="col", squeeze=False, height_ratios=ratios)
@@ -186,9 +190,9 @@ def bars(
         h = np.diff(case.x)
         middle = case.x[:-1] + h / 2
         upper, lower = axes[:2, column]
-        upper.plot(case.x, case.u / case.unit, color=COLOURS["diagonal"], linewidth=1.2, label="pdjax")
+        upper.plot(case.x, case.u / case.unit, color=SERIES[0], linewidth=1.2, label="pdjax")
         strains = [np.diff(case.u) / h / case.strain_unit]
-        lower.plot(middle, strains[0], color=COLOURS["diagonal"], linewidth=1.0)
+        lower.plot(middle, strains[0], color=SERIES[0], linewidth=1.0)
         for (name, values), style in zip(case.known.items(), ("--", ":"), strict=False):
             upper.plot(case.x, values / case.unit, color="#000000", linestyle=style, linewidth=1.2, label=name)
             strains.append(np.diff(values) / h / case.strain_unit)
@@ -199,7 +203,7 @@ def bars(
         upper.set_title(case.title, fontsize=9)
         if case.mode is not None:
             size = np.abs(case.mode).max()
-            axes[2, column].plot(case.x, case.mode / size, color=COLOURS["symbol"], linewidth=0.8)
+            axes[2, column].plot(case.x, case.mode / size, color=SERIES[1], linewidth=0.8)
             axes[2, column].set_title(case.verdict, fontsize=9)
         axes[-1, column].set_xlabel("position x / L  [–]")
     for on_left, name in zip(axes[:, 0], (*names, "mode of the largest\neigenvalue  [–]"), strict=False):

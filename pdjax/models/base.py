@@ -21,6 +21,7 @@ so that f = Σ_j (T_ij − T_ji) V_j is the exact gradient of Σ V_i W_i; it rea
 A model declares its promises as class attributes; the tests, the sparsity and the choice of method read them.
 """
 
+import dataclasses
 from typing import Any, ClassVar, NamedTuple
 
 import equinox as eqx
@@ -28,6 +29,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from .._checks import as_real
 from ..kinematics import displacement_gradient
 from ..neighbours import EACH_BOND, Bonds
 
@@ -58,6 +60,9 @@ class Sums(NamedTuple):
 class AbstractModel(eqx.Module):
     """A model by its energy: subclass it, define `energy(bonds) -> W`, and everything else follows.
 
+    Fields given as Python floats become arrays, so that another value compiles nothing anew and has derivatives; a
+    field that is not a number of the material (a count, a choice) is an int, or `eqx.field(static=True)`.
+
     Promises (class attributes): `hyperelastic` the force is the gradient of an energy; `objective` a rigid
     rotation of the deformed body turns the forces and changes nothing else; `balances_moments` internal forces exert no
     moment; `affine_exact` every affine map gives the law's exact stress, at surfaces too; `moduli_exact`
@@ -81,19 +86,38 @@ class AbstractModel(eqx.Module):
     degree: ClassVar[int] = 0
     dims: ClassVar[tuple[int, ...]] = (1, 2, 3)
 
+    def __check_init__(self):
+        for field in dataclasses.fields(self):
+            value = getattr(self, field.name, None)
+            if isinstance(value, float) and not field.metadata.get("static", False):
+                object.__setattr__(self, field.name, as_real(value))
+
     @property
     def isotropic(self) -> bool:
         """Promise: no direction of the material is preferred (the lattice's own apart). False unless known."""
         return False
 
     def energy(self, bonds: Bonds) -> Float[Array, ""]:
-        """W [energy/length^dim], the energy density of one family."""
-        raise NotImplementedError
+        """W [energy/length^dim], the energy density of one family: one number.
+
+        `bonds` has .xi (bonds, dim) the bonds at rest, .eta (bonds, dim) = u_j − u_i, so that xi + eta are the deformed
+        ones, .omega (bonds,) the influence, .volume (bonds,) of the neighbours, .horizon.
+        """
+        raise NotImplementedError(f"{type(self).__name__} defines neither energy(bonds) nor force_state(bonds)")
 
     def force_state(self, bonds: Bonds) -> Float[Array, "bonds dim"]:
         """T [force/length^(2 dim)] on every bond of the family: (1/V) ∂W/∂η."""
-        gradient = jax.grad(lambda eta: self.energy(bonds._replace(eta=eta)))(bonds.eta)
-        return gradient / bonds.volume[:, None]
+
+        def energy(eta):
+            W = self.energy(bonds._replace(eta=eta))
+            if jnp.shape(W) != ():
+                raise ValueError(
+                    f"{type(self).__name__}.energy must return one number, the energy density of the family (a sum over"
+                    f" its bonds); got shape {jnp.shape(W)}"
+                )
+            return W
+
+        return jax.grad(energy)(bonds.eta) / bonds.volume[:, None]
 
     def shape_tensor(self, bonds: Bonds) -> Float[Array, "*sub n n"] | None:
         """The matrix that must be invertible for this model to make sense, one for each bond if bonds have

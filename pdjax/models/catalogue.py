@@ -28,6 +28,20 @@ def _bulk(law: LinearElastic, fam: Family):
 
 Maker = Callable[[LinearElastic, Family], AbstractModel]
 
+
+def model_name(text: str) -> str:
+    """The name in `CATALOGUE` that is meant: hyphens stand for dashes and minus signs, 0.5 for ½, case for nothing.
+    ValueError listing the names otherwise."""
+    names = {_plain(name): name for name in CATALOGUE}
+    if _plain(text) not in names:
+        raise ValueError("model must be one of\n  " + "\n  ".join(map(repr, CATALOGUE)) + f"\ngot {text!r}")
+    return names[_plain(text)]
+
+
+def _plain(name: str) -> str:
+    return name.translate(str.maketrans({"–": "-", "—": "-", "−": "-", "½": "0.5"})).lower()
+
+
 CATALOGUE: dict[str, Maker] = {
     "bond-based": lambda law, fam: BondBased.from_family(_bulk(law, fam), fam),
     "bond-based, quadratic": lambda law, fam: BondBased(BondBased.from_family(_bulk(law, fam), fam).c, 1.0),

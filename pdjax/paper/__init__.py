@@ -10,7 +10,7 @@ correspondence model of peridynamics, Int. J. Solids Struct. 182–183 (2020) 64
 from . import a_cr, cuboid, dispersion, family, m_cr, maps, singular_bar, step_bar
 from ._common import VERDICTS, Claim, Sheet
 from .claims import CLAIMS
-from .results import markdown, read, write
+from .results import markdown, read, verdicts, write
 
 FIGURES = {
     "family": Sheet("Fig. 1, a family; and the row of the Jacobian it makes", family.make),
@@ -26,4 +26,4 @@ FIGURES = {
     "dispersion": Sheet("Fig. 7, dispersion curves, two panels; whether the large wave is a motion", dispersion.make),
 }
 
-__all__ = ["CLAIMS", "FIGURES", "VERDICTS", "Claim", "Sheet", "markdown", "read", "write"]
+__all__ = ["CLAIMS", "FIGURES", "VERDICTS", "Claim", "Sheet", "markdown", "read", "verdicts", "write"]

@@ -25,6 +25,8 @@ import pdjax as pd
 Found = tuple[str, str]  # (ours, verdict) of one claim
 VERDICTS = ("confirmed", "corrected", "refuted", "not decidable from the text")
 OPEN = VERDICTS[3]
+# λ, μ of the laws that fit the paper's S = κE under hydrostatic load, κ = 1, and of the one used elsewhere
+CONSTANTS = {"bulk": (0.5, 0.0), "symmetric": (0.0, 0.5), "λ = μ = 1": (1.0, 1.0)}
 
 
 class Sheet(NamedTuple):

@@ -29,7 +29,7 @@ CLAIMS = (
     Claim("dTdY", "dT·dY of a moved centre, 3D, m = 0.8, a = 10 %, λ = μ = 1", "Eq. (altS)", "printed formula: −0.4506", "m-cr", m_cr.moved_centre_sign, question="Are the sign and the indices of dT·dY of the moved centre right?", test=_FORMS + "material_test_of_the_moved_centre"),
     # critical loads
     Claim("a_cr_1d", "a_cr of the diagonal, 1D, m = 1, N = 1 and 3", "Remark 4", "−0.184, −0.074", "a-cr", a_cr.quoted_1d, _LOADS.format(1, 1), test=_FORMS + "critical_loads_1d"),
-    Claim("nonlocality", "larger N is unfavourable to stability", "Remark 4", "−0.184 at N = 1, −0.074 at N = 3", "a-cr", a_cr.nonlocality, "pdjax critical --dim 1 --N 1 --m 1 --criterion diagonal symbol", test=_CLAIMS + "s7_in_1d_discretisation_helps_the_diagonal_alone"),
+    Claim("nonlocality", "larger N is unfavourable to stability", "Remark 4", "−0.184 at N = 1, −0.074 at N = 3", "a-cr", a_cr.nonlocality, "pdjax critical --dim 1 --N 1 --m 1 --criterion diagonal symbol", question="Is a larger N unfavourable to the whole Jacobian, in 1D?", test=_CLAIMS + "s7_in_1d_discretisation_helps_the_diagonal_alone"),
     Claim("volume", "2D weighted volume over a point's, N = 3", "Eq. (2Ddf)", "πN = 9.42", "a-cr", a_cr.volume, question="Does the 2D weighted volume grow with N or with N²?", test=_FORMS + "diagonal_2d_corrected_is_exact"),
     Claim("sums", "2D sum of 1/p² over a family, N = 3", "after Eq. (2Ddfs)", "printed formula: 8 + 2π ln N = 14.90", "a-cr", a_cr.sums, question="Does four times the quadrant count the axis points once?", test=_FORMS + "lattice_sums_2d"),
     Claim("law", "I : dS/dE : I of the law S = κE, over κ", "Eq. (hydro2Ds)", "4", "a-cr", a_cr.law, question="Does ∂S/∂E = κδδ belong to S = κE?", test=_CLAIMS + "remark_on_dimension_the_exact_diagonals"),
@@ -41,6 +41,7 @@ CLAIMS = (
     Claim("dimension", "unstable regions grow with the dimension, 1D to 3D, m = 1, N = 3", "Remark 5", "2D half of 1D, 3D less", "a-cr", a_cr.dimension),
     # the maps
     Claim("map_1d", "1D map, N = 3: the printed diagonal", "Fig. 2", "printed", "maps-1d", maps.map_1d, "pdjax map --dim 1", test=_FORMS + "diagonal_1d_is_exact"),
+    Claim("map_2d", "2D map, N = 3: the printed criterion, its inequality turned round", "Fig. 3", "printed", "maps-2d", maps.map_2d, "pdjax map", test=_FORMS + "diagonal_2d_corrected_is_exact"),
     Claim("sides_1d", "1D: compression is the problem for m > ½, tension for m < ½", "sec. 4.1", "beyond a critical load", "maps-1d", maps.sides_1d, "pdjax map --dim 1"),
     Claim("slightest", "continuum, m ≠ m_cr: the slightest load of one sign is unstable", "Remark 3", "a_cr = 0", "maps-1d", maps.slightest, "pdjax critical --dim 1 --m 0 1"),
     Claim("discretisation", "discretisation enhances stability, m = 1", "Remark 6", "of every model", "maps-2d", maps.discretisation, "pdjax critical --dim 2 --N 2 --m 1 --criterion diagonal symbol", question="Does discretisation enhance stability, of the whole Jacobian?", test=_CLAIMS + "some_side_fails_at_once_for_every_order"),
@@ -49,23 +50,24 @@ CLAIMS = (
     Claim("stabilise", "none of the stabilisations can address this", "sec. 6.2", "none", "maps-2d", maps.stabilised, 'pdjax atlas --dim 2 --models "Seth–Hill 1" "Seth–Hill 1 + penalty"', test="tests/test_atlas.py::test_cures_of_seth_hill"),
     Claim("switch", "choosing m by the sign of the load is not practical", "sec. 6.2", "doubted", "maps-2d", maps.switch, "pdjax critical --path uniaxial-stress --m -1 0 1"),
     # bars
-    Claim("bar_tension", "singular bar, σ/E₀ = 10⁻³, m = 1: right, no instability", "sec. 5.1", "as the local solution", "singular-bar", singular_bar.bar_tension, "pdjax run singular-bar"),
-    Claim("bar_form", "its closed form is the local solution at σ/E₀ = 10⁻³", "sec. 5.1", "small strain", "singular-bar", singular_bar.bar_form, "pdjax run singular-bar --stress 1e-3", test="tests/test_scenes.py::test_local_solution_of_the_singular_bar_by_scipy"),
-    Claim("bar_compression", "σ/E₀ = −10⁻⁵, m = 1: modes of instability", "sec. 5.1", "unstable", "singular-bar", singular_bar.bar_compression, "pdjax run singular-bar --n 200 --stress=-1e-5"),
+    Claim("bar_tension", "singular bar, σ/E₀ = 10⁻³, m = 1: right, no instability", "sec. 5.1", "as the local solution", "singular-bar", singular_bar.bar_tension),
+    Claim("bar_form", "its closed form is the local solution at σ/E₀ = 10⁻³", "sec. 5.1", "small strain", "singular-bar", singular_bar.bar_form, test="tests/test_scenes.py::test_local_solution_of_the_singular_bar_by_scipy"),
+    Claim("bar_compression", "σ/E₀ = −10⁻⁵, m = 1: modes of instability", "sec. 5.1", "unstable", "singular-bar", singular_bar.bar_compression),
     Claim("bar_points", "the number of points at which it fails", "sec. 5.1", "not in the text", "singular-bar", singular_bar.bar_points),
-    Claim("bar_silling", "Silling's model is as unstable, in tension and compression", "sec. 5.1", "unstable", "singular-bar", singular_bar.bar_silling, "pdjax run singular-bar --model correspondence"),
-    Claim("step_tension", "+100 % at once is solved", "sec. 5.2", "correct", "step-bar", step_bar.step_tension, "pdjax run step-bar --strain 1", test=_CLAIMS + "s9_the_step_size_bar_is_at_a_saddle"),
-    Claim("step_size", "−0.1 % at once fails for its step is too large", "sec. 5.2", "step size", "step-bar", step_bar.step_size, "pdjax run step-bar", question="Is the step too large, or is the clamped bar's own Jacobian indefinite, and what does Newton find?", test=_CLAIMS + "s9_the_step_size_bar_is_at_a_saddle"),
-    Claim("step_region", "the bar is stable down to a_cr", "sec. 5.2", "−7.4 %", "step-bar", step_bar.step_region, "pdjax run step-bar --strain=-0.0001", test="tests/test_body.py::test_odd_horizons_lose_stability_as_the_inverse_square_of_length"),
+    Claim("bar_silling", "Silling's model is as unstable, in tension and compression", "sec. 5.1", "unstable", "singular-bar", singular_bar.bar_silling),
+    Claim("step_tension", "+100 % at once is solved", "sec. 5.2", "correct", "step-bar", step_bar.step_tension, test=_CLAIMS + "s9_the_step_size_bar_is_at_a_saddle"),
+    Claim("step_size", "−0.1 % at once fails for its step is too large", "sec. 5.2", "step size", "step-bar", step_bar.step_size, question="Is the step too large, or is the clamped bar's own Jacobian indefinite, and what does Newton find?", test=_CLAIMS + "s9_the_step_size_bar_is_at_a_saddle"),
+    Claim("step_region", "the bar is stable down to a_cr", "sec. 5.2", "−7.4 %", "step-bar", step_bar.step_region, question="How does the critical strain of the clamped bar fall with its points?", test="tests/test_body.py::test_odd_horizons_lose_stability_as_the_inverse_square_of_length"),
     # the cuboid
-    Claim("cuboid", "cuboid, m = 0: unstable under small tension and compression", "sec. 5.3", "unstable", "cuboid", cuboid.cuboid, "pdjax run cuboid"),
-    Claim("cuboid_step", "a smaller time step changes nothing", "sec. 5.3", "no effect", "cuboid", cuboid.cuboid_step, "pdjax run cuboid --dt 0.05"),
-    Claim("cuboid_fields", "compression: u_x smooth, u_y and u_z not", "Fig. 6", "smooth, not, not", "cuboid", cuboid.cuboid_fields, "pdjax run cuboid --strain=-0.1"),
+    Claim("cuboid", "cuboid, m = 0: unstable under small tension and compression", "sec. 5.3", "unstable", "cuboid", cuboid.cuboid),
+    Claim("cuboid_step", "a smaller time step changes nothing", "sec. 5.3", "no effect", "cuboid", cuboid.cuboid_step),
+    Claim("cuboid_fields", "compression: u_x smooth, u_y and u_z not", "Fig. 6", "smooth, not, not", "cuboid", cuboid.cuboid_fields),
     Claim("cuboid_when", "the strain at which it goes bad", "Fig. 6", "not in the text", "cuboid", cuboid.cuboid_when),
     # waves
-    Claim("waves_small", "tiny u₀: all orders have one dispersion curve", "sec. 5.4", "the same", "dispersion", dispersion.waves_small, test=_WAVES + "the_papers_dispersion_tends_to_the_symbol"),
+    Claim("waves_small", "tiny u₀: all orders have one dispersion curve", "sec. 5.4", "the same", "dispersion", dispersion.waves_small, question="Is the dispersion relation at u₀ → 0 the symbol's?", test=_WAVES + "the_papers_dispersion_tends_to_the_symbol"),
     Claim("waves_zeros", "every order has periodic zeros, at large u₀ too", "Fig. 7b", "periodic zero frequencies", "dispersion", dispersion.waves_zeros),
-    Claim("waves_large", "at large u₀ (0.1 h) ω read at X = 0, t = 0 is that of a wave", "sec. 5.4", "\"dependent on X, t, and u₀\"", "dispersion", dispersion.waves_large, "pdjax run wave --u0 0.1", question="Is the complex plane wave a motion at large u₀?", test=_WAVES + "the_papers_complex_wave_is_no_motion"),
+    Claim("waves_edge", "zero frequencies indicate instability", "Fig. 7", "of all models", "dispersion", dispersion.waves_edge, test=_WAVES + "a_zero_energy_mode_stands_still"),
+    Claim("waves_large", "at large u₀ (0.1 h) ω read at X = 0, t = 0 is that of a wave", "sec. 5.4", "\"dependent on X, t, and u₀\"", "dispersion", dispersion.waves_large, question="Is the complex plane wave a motion at large u₀?", test=_WAVES + "the_papers_complex_wave_is_no_motion"),
 )
 # fmt: on
 

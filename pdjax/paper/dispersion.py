@@ -3,6 +3,7 @@
 u = u₀ exp i(kX − ωt) in the equation of motion, ω read at X = t = 0, real part drawn. For small u₀ it is the symbol's
 frequency, whatever the order. A frequency of a motion depends neither on the place X nor on the sign of u₀, which is
 the same real wave half a wavelength on. The third panel reads it in three ways, beside real standing waves in time.
+The zero at the zone's edge: what the wave there does at rest and under load, and the continuum, which has no such zero.
 """
 
 from typing import Any
@@ -37,6 +38,22 @@ def real_wave(u0: float, omega: float, m: float = 1.0) -> float:
     return float(np.pi / (history.times[turn] + dt * a[turn] / (a[turn] - a[turn + 1])))
 
 
+def edge_wave() -> dict:
+    """The symbol at k = π/h over the law's modulus, at rest and at ±1 % of strain, m = 1; the verdict at rest; how far
+    lattices are from the continuum at kδ = 2π, where that is lowest beyond kδ = π, in units of c/δ.
+    """
+    fam, model, lowest = pd.lattice_family(1, N), of_order(1.0, LAW), 2 * np.pi
+    at = {f"{a:+g}": float(pd.symbol(model, fam, (1 + a) * np.eye(1), [np.pi])[0, 0]) for a in (-0.01, 0.0, 0.01)}
+    continuum = float(np.sqrt(cf.dispersion_continuum_1d(lowest, 1.0)))
+    lattice = {n: n * float(np.sqrt(cf.dispersion_limit_1d(lowest / n, n))) for n in (3, 6, 12, 24)}
+    return {
+        "λ h²/κ": at,
+        "at rest": pd.stability(model, fam, np.eye(1)).verdict,
+        "continuum, ω δ/c at kδ = 2π": continuum,
+        "lattices from it": {n: abs(omega - continuum) for n, omega in lattice.items()},
+    }
+
+
 def make(quick: bool) -> tuple[dict, Figure]:
     """The sheet `dispersion`."""
     half = np.linspace(0.01, np.pi, 60 if quick else 200)
@@ -50,6 +67,7 @@ def make(quick: bool) -> tuple[dict, Figure]:
     )
     gap = max(float(np.abs(branch.omega - symbol).max()) for branch in small[1:])
     small.append(pd.figures.Branch("symbol", k / np.pi, symbol, "--", still))
+    small.append(pd.figures.Branch("continuum", k / np.pi, np.sqrt(cf.dispersion_continuum_1d(k, N)), "-."))
     omega = float(np.sqrt(cf.dispersion_limit_1d(READ, N)))
     sizes_u0 = np.array([0.05, 0.1]) if quick else np.array([0.025, 0.05, 0.075, 0.1])
     real = [real_wave(float(u0), omega) / omega for u0 in sizes_u0]
@@ -58,7 +76,8 @@ def make(quick: bool) -> tuple[dict, Figure]:
     numbers = {
         "orders from the symbol, small u0": gap,
         "zeros of the symbol, k h / π": (k[still] / np.pi).tolist(),
-        "|ω| h/c at k = π/h, large u0": {f"{m:g}": abs(complex(printed(np.pi, LARGE, m))) for m in ORDERS},
+        "wave at the zone's edge": edge_wave(),
+        "|ω| h/c at k = π/h, large u0": {f"m = {m:g}": abs(complex(printed(np.pi, LARGE, m))) for m in ORDERS},
         "ω over the symbol's, m = 1, large u0": {n: [complex(w).real, complex(w).imag] for n, w in reads.items()},
         "the same, sign of u0 changed": [f(complex(printed(READ, -LARGE, 1.0) / omega)) for f in (np.real, np.imag)],
         "real waves: shift over u0²": (shift / sizes_u0**2).tolist(),
@@ -106,8 +125,21 @@ def waves_zeros(n: dict) -> Found:
     """Fig. 7."""
     at_edge = n["|ω| h/c at k = π/h, large u0"]
     kept = [m for m, size in at_edge.items() if size < 1e-9]
-    ours = f"at tiny u₀, yes; at 0.1 h of those drawn only m = {', '.join(kept)} (m = 1: |ω| = {at_edge['1']:.2f} c/h)"
+    ours = f"at tiny u₀, yes; at 0.1 h of those drawn only {', '.join(kept)} (m = 1: |ω| = {at_edge['m = 1']:.2f} c/h)"
     return ours, judge(len(kept) == len(at_edge), close(n["zeros of the symbol, k h / π"], [1.0]))
+
+
+def waves_edge(n: dict) -> Found:
+    """Fig. 7: what a zero frequency says."""
+    edge = n["wave at the zone's edge"]
+    pressed, rest, pulled = (edge["λ h²/κ"][a] for a in ("-0.01", "+0", "+0.01"))
+    turns = abs(rest) < 1e-14 and pulled < 0 < pressed
+    ours = (
+        f"{edge['at rest']} at rest: no wave grows; m = 1 compressed by 1 %, the wave at π/h grows at"
+        f" {np.sqrt(max(pressed, 0)):.3f} c/h, stretched it runs. The zero is the lattice's: in the continuum"
+        f" ω = (c/δ) Si(kδ), at least {edge['continuum, ω δ/c at kδ = 2π']:.2f} c/δ beyond kδ = π"
+    )
+    return ours, judge(edge["at rest"] == "unstable", edge["at rest"] == "marginal" and turns)
 
 
 def waves_large(n: dict) -> Found:
@@ -117,6 +149,6 @@ def waves_large(n: dict) -> Found:
     one = abs(here - there) < 1e-3 and abs(here - flipped) < 1e-3
     ours = (
         f"ω depends on where it is read ({here:.3f} at X = 0, {there:.3f} at 2h) and on the sign of u₀;"
-        f" a real wave's moves by {shift:.2f} u₀²"
+        f" a real standing wave's is off the symbol's by {shift:.2f} u₀²"
     )
     return ours.replace("-", "−").replace("j", "i"), judge(one, not one)

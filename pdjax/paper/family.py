@@ -18,7 +18,7 @@ from matplotlib.patches import Circle
 import pdjax as pd
 
 from .. import closed_forms as cf
-from ..figures import COLOURS
+from ..figures import COLOURS, SERIES
 from ._common import Found, close, judge, linear, of_order, signed, sizes
 
 N, M = 3, 0.7
@@ -121,13 +121,13 @@ def draw(eta: np.ndarray, size: np.ndarray, numbers: dict, quick: bool) -> Figur
     grid = np.stack(np.meshgrid(side, side), -1).reshape(-1, 2)
     inside = (np.linalg.norm(grid, axis=1) <= N * (1 + 1e-9)) & np.any(grid != 0, axis=1)
     left.scatter(*grid[~inside].T, s=9, color="#BBBBBB")
-    left.scatter(*grid[inside].T, s=14, color=COLOURS["local"], label="family of X")
+    left.scatter(*grid[inside].T, s=14, color=SERIES[0], label="family of X")
     left.plot(0, 0, "o", color=COLOURS["diagonal"], markersize=7, label="X")
-    left.annotate("", (-2, 2), (0, 0), arrowprops={"arrowstyle": "->", "color": COLOURS["local"], "lw": 1.6})
-    left.text(-1.5, 0.45, "ξ", color=COLOURS["local"], fontsize=12)
-    left.text(-4.6, 2.35, "X + ξ", color=COLOURS["local"], fontsize=9)
-    left.add_patch(Circle((0, 0), N, fill=False, color=COLOURS["local"], lw=1.2))
-    left.text(N * 0.72, N * 0.78, "horizon δ", color=COLOURS["local"], fontsize=9)
+    left.annotate("", (-2, 2), (0, 0), arrowprops={"arrowstyle": "->", "color": SERIES[0], "lw": 1.6})
+    left.text(-1.5, 0.45, "ξ", color=SERIES[0], fontsize=12)
+    left.text(-4.6, 2.35, "X + ξ", color=SERIES[0], fontsize=9)
+    left.add_patch(Circle((0, 0), N, fill=False, color=SERIES[0], lw=1.2))
+    left.text(N * 0.72, N * 0.78, "horizon δ", color=SERIES[0], fontsize=9)
     left.set_title(f"the paper's schematic, on a lattice: {inside.sum()} bonds, N = {N}", fontsize=10)
     left.legend(fontsize=8, frameon=True, loc="lower right")
     marks = right.scatter(

@@ -4,6 +4,8 @@ Beside the maps: which sides fail at once on several lattices, whether m = 0 is 
 what a stabiliser does, and where the classical law itself fails.
 """
 
+import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from matplotlib.figure import Figure
@@ -13,7 +15,7 @@ import pdjax as pd
 
 from .. import closed_forms as cf
 from ..kinematics import seth_hill
-from ._common import Found, at_once, family, judge, linear, of_order, percent, sizes
+from ._common import CONSTANTS, Found, at_once, family, judge, linear, of_order, percent, sizes
 
 LINE = linear(1.0, 0.0)
 LAW = linear(1.0, 1.0)
@@ -53,6 +55,29 @@ def beyond_hydrostatic(quick: bool) -> dict:
         space = pd.lattice_family(3, N)
         found["tension, m = 0, 3D"] = float(pd.critical_load(of_order(0.0, LAW), space, side="positive"))
     return found
+
+
+def printed_2d(found: pd.StabilityMap) -> dict[str, dict[str, float]]:
+    """The printed 2D criterion over the map, its inequality turned round, against the diagonal by autodiff, for each
+    law that fits the paper's S = κE: the share of states it is wrong about, and how far the corrected formula is off.
+    """
+    m, a, fam = found.line_m[:, None], found.line_a[None, :], pd.lattice_family(2, N)
+
+    @eqx.filter_jit
+    def diagonal(law):
+        one = lambda order, load: pd.center_block(of_order(order, law), fam, (1 + load) * jnp.eye(2))[0, 0]  # noqa: E731
+        return jax.vmap(jax.vmap(one, (None, 0)), (0, None))(found.line_m, found.line_a)
+
+    printed = np.asarray(cf.bracket_2d(a, m, N, "printed"))
+    out = {}
+    for name, (lam, mu) in CONSTANTS.items():
+        exact = np.asarray(diagonal(linear(lam, mu)))
+        lattice = np.asarray(cf.lattice_diagonal(a, m, 2, N, lam, mu))
+        out[name] = {
+            "printed is wrong about": float(np.mean((printed > 0) != (exact < 0))),
+            "corrected from autodiff": float(np.max(abs(lattice - exact)) / np.max(abs(exact))),
+        }
+    return out
 
 
 def shares(found: pd.StabilityMap) -> dict[str, float]:
@@ -97,6 +122,7 @@ def make_2d(quick: bool) -> tuple[dict, Figure]:
     lattices = [(2, n, plane[-1]) for n in plane] + [(3, n, space[-1]) for n in space]
     numbers = {
         **shares(found),
+        "diagonal by law": printed_2d(found),
         "fails at once [compression, tension]": {
             f"m = {order:g}": {f"{d}D, N = {n}": at_once(order, LAW, d, n, reach) for d, n, reach in lattices}
             for order in (1.0, 0.0, -1.5)
@@ -135,6 +161,20 @@ def sides_1d(n: dict) -> Found:
     return "on those sides, at once: every state of them is unstable", judge(
         right_sides and not all_of_them, all_of_them
     )
+
+
+def map_2d(n: dict) -> Found:
+    """Fig. 3."""
+    laws, words = n["diagonal by law"], {"bulk": "S = K tr(E) I", "symmetric": "S = κE"}
+    wrong = {name: law["printed is wrong about"] for name, law in laws.items()}
+    exact = all(law["corrected from autodiff"] < 1e-12 for law in laws.values())
+    shares = {name: f"{100 * share:.2g} %" for name, share in wrong.items()}
+    said = " and ".join(f"{shares[name]} of the states for {law}" for name, law in words.items())
+    ours = (
+        f"wrong about {said} ({shares['λ = μ = 1']} for λ = μ = 1); the diagonal sees"
+        f" {n['unstable by the diagonal']:.0%} of the map unstable, the symbol {n['unstable']:.0%}"
+    )
+    return ours, judge(all(share == 0 for share in wrong.values()), exact)
 
 
 def slightest(n: dict) -> Found:

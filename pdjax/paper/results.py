@@ -12,6 +12,7 @@ import jax
 import numpy as np
 
 from .._checks import written_whole
+from ..figures import table
 from .claims import CLAIMS
 
 _HEAD = ("claim", "where", "paper", "ours", "verdict", "command that shows it")
@@ -52,7 +53,9 @@ def keep(found: dict, name: str, record: dict, numbers: dict) -> None:
     """Put a finished sheet and the rows of its claims among the results, in the order of the table."""
     rows = {row["key"]: row for row in found["claims"]}
     rows |= {claim.key: claim.row(numbers) for claim in CLAIMS if claim.figure == name}
-    found["figures"][name] = {**record, "numbers": plain(numbers)}
+    figures = {**found["figures"], name: {**record, "numbers": plain(numbers)}}
+    order = dict.fromkeys(claim.figure for claim in CLAIMS)
+    found["figures"] = {known: figures[known] for known in order if known in figures}
     found["claims"] = [rows[claim.key] for claim in CLAIMS if claim.key in rows]
 
 
@@ -70,13 +73,20 @@ def markdown(found: dict) -> str:
         [row["claim"], row["where"], row["paper"], row["ours"], f"**{row['verdict']}**", f"`{row['command']}`"]
         for row in found["claims"]
     ]
-    return _table(_HEAD, rows)
+    return table(_HEAD, rows)
+
+
+def verdicts(figure: str, numbers: dict, leave: tuple[str, ...] = ()) -> str:
+    """What became of the claims that the numbers of a sheet decide, but those whose keys are in `leave`: a table."""
+    rows = [claim.row(numbers) for claim in CLAIMS if claim.figure == figure and claim.key not in leave]
+    head = ("claim", "where", "paper", "ours", "verdict")
+    return table(head, [[*(row[part] for part in head[:-1]), f"**{row['verdict']}**"] for row in rows])
 
 
 def refuted(found: dict) -> str:
     """The claims that don't hold, in short."""
     rows = [[row["claim"], row["paper"], row["ours"]] for row in found["claims"] if row["verdict"] == "refuted"]
-    return _table(("refuted", "paper", "exact"), rows)
+    return table(("refuted", "paper", "exact"), rows)
 
 
 def in_readme(found: dict) -> str:
@@ -93,7 +103,7 @@ def questions(found: dict) -> str:
         for row in found["claims"]
         if row["question"]
     ]
-    return _table(("question", "answer", "the paper's statement is", "held by"), rows)
+    return table(("question", "answer", "the paper's statement is", "held by"), rows)
 
 
 def document(found: dict) -> str:
@@ -110,11 +120,6 @@ def counts(found: dict) -> str:
     """How many claims have which verdict."""
     words = [row["verdict"] for row in found["claims"]]
     return ", ".join(f"{words.count(word)} {word}" for word in dict.fromkeys(words))
-
-
-def _table(head, rows) -> str:
-    lines = [head, ["---"] * len(head), *rows]
-    return "\n".join("| " + " | ".join(str(cell).replace("|", "\\|") for cell in line) + " |" for line in lines)
 
 
 def plain(value):

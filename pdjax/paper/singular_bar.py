@@ -32,7 +32,7 @@ def solve(name: str, side: str, n: int):
     scene = pd.scenes.singular_bar(n, N, stress, model=MODELS[name])
     curves = singular_curves(scene, stress)
     result = pd.solve(scene, smallest_step=1.0)
-    case, row = bar_case(scene, result, f"{name}, {side}, σ/E₀ = {stress:g}".replace("-", "−"), stress, curves)
+    case, row = bar_case(scene, result, f"{name}, {side},\nσ/E₀ = {stress:g}".replace("-", "−"), stress, curves)
     local, printed = curves.values()
     return case, {
         **row,

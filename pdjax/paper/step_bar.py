@@ -15,7 +15,7 @@ import pdjax as pd
 
 from .. import closed_forms as cf
 from .._run import bar_case
-from ..figures import COLOURS
+from ..figures import COLOURS, SERIES
 from ._common import Found, judge, percent, sizes
 
 N, POINTS = 3, 100
@@ -28,7 +28,6 @@ METHODS = (
     ("trust_region", "none", 1.0),
     ("relaxation", "none", 1.0),
 )  # method, predictor, load step
-PALETTE = {1: COLOURS["local"], 2: COLOURS["material"], 3: COLOURS["symbol"], 4: COLOURS["affine"], 5: COLOURS["block"]}
 
 
 def critical(N: int, points: tuple[int, ...]) -> list[dict]:
@@ -89,8 +88,8 @@ def make(quick: bool) -> tuple[dict, Figure]:
         "critical strains": curves,
         "outcomes": rows,
     }
-    figure = Figure(figsize=(19.0, 8.0), layout="constrained")
-    parts: Any = figure.subfigures(1, 2, width_ratios=(13.2, 5.8))
+    figure = Figure(figsize=(15.4, 7.2), layout="constrained")
+    parts: Any = figure.subfigures(1, 2, width_ratios=(10.2, 5.2))
     left, right = parts
     title = f"Ends displaced at once: {POINTS} points, N = {N}, m = 1, Newton in one step"
     pd.figures.bars(cases, title, ("u / (strain · L)  [–]", "ε / strain  [–]"), left)
@@ -105,8 +104,8 @@ def draw_critical(on: SubFigure | Figure, curves: dict[int, list[dict]], diagona
     for n, rows in curves.items():
         free = [r["free"] for r in rows]
         label = f"N = {n}: slope {slope(rows):.2f}".replace("-", "−")
-        axes.loglog(free, [-r["strain"] for r in rows], "o", color=PALETTE[n], markersize=4, label=label)
-        axes.loglog(free, [-r["law"] for r in rows], "-", color=PALETTE[n], linewidth=0.9)
+        axes.loglog(free, [-r["strain"] for r in rows], "o", color=SERIES[n - 1], markersize=4, label=label)
+        axes.loglog(free, [-r["law"] for r in rows], "-", color=SERIES[n - 1], linewidth=0.9)
     axes.axhline(-diagonal, color=COLOURS["diagonal"], linewidth=1.4)
     end = axes.get_xlim()[1]
     axes.text(end, -diagonal * 1.2, f"diagonal, N = {N}: {percent(diagonal)}", ha="right", fontsize=9)

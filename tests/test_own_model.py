@@ -1,0 +1,125 @@
+"""A model of one's own: its constants are arrays, and what is wrong with it is said in words."""
+
+import subprocess
+import sys
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import pdjax as pd
+
+PLANE = pd.lattice_family(2, 2)
+
+
+class Springs(pd.AbstractModel):
+    stiffness: float
+    softening: float = 0.0
+    power: int = 2
+    label: float = eqx.field(static=True, default=1.5)
+
+    def energy(self, bonds):
+        e = jnp.expm1(pd.log_stretch(bonds.xi, bonds.eta))
+        return jnp.sum(bonds.omega * bonds.volume * self.stiffness * (e**self.power - self.softening * e**3))
+
+
+class Unfinished(pd.AbstractModel):
+    k: float
+
+
+class Eta(Springs):
+    def energy(self, bonds):
+        return jnp.sum(jnp.linalg.norm(bonds.eta, axis=1))  # has no derivative at rest
+
+
+class PerBond(Springs):
+    def energy(self, bonds):
+        return jnp.sum(bonds.eta**2, axis=1)
+
+
+def test_floats_become_arrays_and_nothing_else_does():
+    model = Springs(1.0, 0.5)
+    assert isinstance(model.stiffness, jax.Array) and float(model.softening) == 0.5
+    assert model.power == 2 and isinstance(model.power, int)
+    assert model.label == 1.5 and isinstance(model.label, float)
+
+
+def test_another_value_is_not_traced_again():
+    traces = []
+
+    @eqx.filter_jit
+    def margin(model):
+        traces.append(1)
+        return jnp.sum(pd.force_state(model, PLANE, 1.05 * jnp.eye(2)) ** 2)
+
+    values = [float(margin(Springs(1.0, b))) for b in (0.1, 0.2, 0.3)]
+    assert len(set(values)) == 3 and len(traces) == 1
+
+
+def test_critical_load_of_a_field_has_a_derivative():
+    load = lambda b: pd.critical_load(Springs(1.0, b), PLANE, side="positive")  # noqa: E731
+    slope, central = float(jax.grad(load)(2.0)), float(load(2.0 + 1e-4) - load(2.0 - 1e-4)) / 2e-4
+    assert abs(slope / central - 1) < 1e-6
+
+
+@pytest.mark.parametrize(
+    ("call", "error", "words"),
+    [
+        (lambda: pd.stability(Unfinished(1.0), PLANE, np.eye(2)), NotImplementedError, "neither energy"),
+        (lambda: pd.stability(Eta(1.0), PLANE, np.eye(2)), ValueError, r"eta =\s+u_j − u_i; the deformed bond"),
+        (lambda: pd.stability(PerBond(1.0), PLANE, np.eye(2)), ValueError, r"one number.*got shape \(12,\)"),
+        (lambda: pd.stability(Springs(float("nan")), PLANE, np.eye(2)), ValueError, "every constant finite"),
+        (lambda: pd.critical_load(Springs(1.0), PLANE, side="compression"), ValueError, "negative is compression"),
+        (lambda: pd.model_atlas(["Seth-Hill 7"]), ValueError, "'Seth–Hill ½'"),
+    ],
+)
+def test_what_is_wrong_is_said(call, error, words):
+    with pytest.raises(error, match=words):
+        call()
+
+
+def test_one_family_and_families_are_told_apart():
+    """In a process of its own: here the types are checked before."""
+    code = """
+import numpy as np, pdjax as pd
+model, one = pd.SethHill(1.0, pd.LinearElastic(1.0, 1.0)), pd.lattice_family(2, 2)
+all = pd.families(pd.lattice((5, 5)), 2.0)
+for call in (lambda: pd.stability(model, all, np.eye(2)), lambda: pd.force_density(model, one, np.zeros((4, 2)))):
+    try:
+        call()
+    except ValueError as error:
+        print(error)
+"""
+    said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
+    assert "an infinite lattice is one Family, of pd.lattice_family" in said
+    assert "a body has Families, of pd.families" in said
+
+
+@pytest.mark.parametrize(
+    ("typed", "name"),
+    [
+        ("seth-hill 1", "Seth–Hill 1"),
+        ("Seth-Hill -1", "Seth–Hill −1"),
+        ("SETH–HILL 0.5", "Seth–Hill ½"),
+    ],
+)
+def test_names_of_models_can_be_typed(typed, name):
+    assert pd.models.catalogue.model_name(typed) == name
+
+
+@pytest.mark.parametrize("dim", [1, 2, 3])
+def test_continuum_is_marginal_at_the_order_where_gamma_vanishes(dim, law):
+    """Terms of the size of the stress cancel there: what rounding leaves of them is no load."""
+    fam, model = pd.lattice_family(dim, 2), pd.SethHill(1 - dim / 2, law)
+    for side in ("negative", "positive"):
+        assert np.isinf(pd.critical_load(model, fam, pd.hydrostatic, "continuum", side))
+    for a in (-0.95, -0.5, 0.5):
+        assert pd.stability(model, fam, (1 + a) * np.eye(dim), "continuum").verdict == "marginal"
+    assert pd.stability(pd.SethHill(1.1 - dim / 2, law), fam, 0.5 * np.eye(dim), "continuum").verdict == "unstable"
+
+
+def test_a_map_names_its_parameter():
+    grid = pd.stability_map([0.0, 0.5], [-0.1, 0.1], N=2, model=lambda b: Springs(1.0, b), show_progress=False)
+    assert pd.figures.stability_map(grid).axes[0].get_xlabel() == "b of Springs"
