@@ -4,6 +4,7 @@ Values known before tracing raise `ValueError` at once; values seen only as trac
 guarded by `equinox.error_if`, so that a bad number never travels on silently.
 """
 
+import dataclasses
 import os
 import tempfile
 from collections.abc import Iterator, Sequence
@@ -52,6 +53,14 @@ def as_real(x: Any) -> jax.Array:
     """An array of the default float type at least: a constant given as 1 is 1.0."""
     x = jnp.asarray(x)
     return x if jnp.issubdtype(x.dtype, jnp.inexact) else x.astype(jnp.result_type(float))
+
+
+def floats_to_arrays(module: Any) -> None:
+    """Python floats among the fields of a module that has just been made become arrays, but static ones."""
+    for field in dataclasses.fields(module):
+        value = getattr(module, field.name, None)
+        if isinstance(value, float) and not field.metadata.get("static", False):
+            object.__setattr__(module, field.name, as_real(value))
 
 
 def choice(name: str, value: Any, allowed: Sequence[str]) -> str:

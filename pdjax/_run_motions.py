@@ -23,7 +23,7 @@ def add_motions(scenes) -> None:
         "--dt", type=float, help="time step (default 0.8 of the critical one, for a wave at most 1/300 period)"
     )
     common.add_argument("--animate", metavar="FILE", help="also a moving picture, FILE.gif (or .mp4 with ffmpeg)")
-    common.add_argument("--vtk", metavar="NAME", help="also files for ParaView, NAME.vtu.series (needs pdjax[vtk])")
+    common.add_argument("--vtk", metavar="NAME", help="also files for ParaView, NAME.vtu.series (needs meshio)")
     common.add_argument("--json", action="store_true", help="print one JSON object instead of text")
 
     job = scenes.add_parser("cuboid", parents=[common], help="a 3D body pulled or pushed by its ends, explicit in time")
@@ -102,7 +102,7 @@ def _check_outputs(arguments) -> tuple[Path, Path]:
         import importlib.util
 
         if importlib.util.find_spec("meshio") is None:
-            raise ValueError("--vtk needs meshio: pip install 'pdjax[vtk]'")
+            raise ValueError("--vtk needs meshio: pip install meshio")
     picture, data = (writable(f"{arguments.out}.{ending}") for ending in ("png", "npz"))
     return picture, data
 

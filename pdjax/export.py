@@ -2,7 +2,7 @@
 
 Each save becomes a `.vtu` of its own (a vertex for every point, with displacement, velocity and what else is asked),
 whole or not there; `NAME.vtu.series` lists them with their times. Written by meshio, an optional extra:
-`pip install pdjax[vtk]`.
+`pip install meshio`.
 """
 
 import json
@@ -27,7 +27,7 @@ def write_vtk(scene: Scene, history: History, path: str | os.PathLike, fields: d
     try:
         import meshio
     except ImportError as error:
-        raise ImportError("writing VTK needs meshio: pip install 'pdjax[vtk]' (or meshio itself)") from error
+        raise ImportError("writing VTK needs meshio: pip install meshio") from error
     saves, points = len(history.times), len(scene.body)
     if len(history.u) != saves:
         raise ValueError("this history kept no fields but the last: run it with fields=True")

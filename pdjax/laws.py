@@ -18,7 +18,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ._checks import as_real, choice
+from ._checks import as_real, choice, floats_to_arrays
 
 
 class Law(eqx.Module):
@@ -29,6 +29,9 @@ class Law(eqx.Module):
 
     takes: eqx.AbstractVar[str]
     isotropic: eqx.AbstractVar[bool]
+
+    def __check_init__(self):
+        floats_to_arrays(self)
 
     def energy(self, tensor: Float[Array, "dim dim"]) -> Float[Array, ""]:
         """Strain energy density [force/length² in 2D and 3D terms: the modulus' unit]."""

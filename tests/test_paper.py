@@ -3,6 +3,7 @@
 import json
 import multiprocessing
 import os
+import pickle
 import re
 import shlex
 import time
@@ -15,7 +16,7 @@ from matplotlib.figure import Figure
 
 from pdjax import paper
 from pdjax.__main__ import _parser, main
-from pdjax.paper import a_cr, cuboid, m_cr, making, results, singular_bar, step_bar
+from pdjax.paper import a_cr, cuboid, m_cr, making, maps, results, singular_bar, step_bar
 from pdjax.paper._common import Claim, Sheet, judge
 
 ROOT = Path(__file__).parent.parent
@@ -144,17 +145,40 @@ def answer(name: str, mood: str) -> str:
         time.sleep(600)
     if mood == "fails":
         raise ValueError(f"{name} fails")
-    return f"{name}, float64: {jax.config.jax_enable_x64}"
+    if mood == "fails to be sent":
+        raise jax.errors.TracerBoolConversionError(jax.make_jaxpr(lambda x: x)(1.0))  # pickles, but not back
+    if mood == "answers what can't be sent":
+        return lambda: name
+    return f"{name}, float64: {jax.config.jax_enable_x64}, {maps.LAW.lam.dtype}"
 
 
 def test_processes_answer_as_they_finish_with_the_settings_of_the_first():
     jobs = {"a": ("a", ""), "b": ("b", "")}
     found = dict(making.each(answer, jobs, 2))
-    assert found == {name: f"{name}, float64: True" for name in jobs} == dict(making.each(answer, jobs, 1))
+    assert found == {name: f"{name}, float64: True, float64" for name in jobs} == dict(making.each(answer, jobs, 1))
+    assert os.environ.get("JAX_ENABLE_X64") is None
+
+
+def test_no_process_is_left_when_one_does_not_start():
+    with pytest.raises((AttributeError, pickle.PicklingError)):
+        list(making.each(lambda: None, {"a": (), "b": ()}, 2))
+    assert not multiprocessing.active_children()
+
+
+def test_an_accelerator_is_for_one_process(monkeypatch):
+    assert making.processes(9) <= making.MOST
+    monkeypatch.setattr(jax, "default_backend", lambda: "gpu")
+    assert making.processes(9) == 1
 
 
 @pytest.mark.parametrize(
-    ("mood", "error", "words"), [("fails", ValueError, "b fails"), ("dies", ChildProcessError, "made b ended without")]
+    ("mood", "error", "words"),
+    [
+        ("fails", ValueError, "b fails"),
+        ("fails to be sent", Exception, "Tracer|Jaxpr"),
+        ("answers what can't be sent", (AttributeError, pickle.PicklingError), "lambda"),
+        ("dies", ChildProcessError, "made b ended without"),
+    ],
 )
 def test_what_ends_a_sheet_ends_the_run_and_leaves_no_process(mood, error, words):
     with pytest.raises(error, match=words):

@@ -209,7 +209,7 @@ def run_case(name: str, case: Case, folder: Path, quick: bool, say: Say) -> dict
 
     def left_out(what: str, error: Exception) -> None:
         missing = isinstance(error, ModuleNotFoundError)
-        why = f"needs the package {error.name}: pip install 'pdjax[bench]'" if missing else str(error).splitlines()[0]  # type: ignore[attr-defined]
+        why = f"needs the package {error.name}: pip install {error.name}" if missing else str(error).splitlines()[0]  # type: ignore[attr-defined]
         record["left_out"].append({"what": what, "why": why})
         say(f"{name}: {what} left out: {why}")
 

@@ -13,6 +13,7 @@ Source: Behzadinasab & Foster, section 4.1 (eqn:df1D), section 5.1 and section 5
 import jax.numpy as jnp
 import numpy as np
 
+from .._checks import is_concrete
 from ._common import check_load, check_ratio, edge, hydrostatic_strain
 
 
@@ -111,12 +112,15 @@ def dispersion_limit_1d(k, N, modulus=1.0, density=1.0, spacing=1.0):
 def dispersion_continuum_1d(k, horizon, modulus=1.0, density=1.0):
     """ω² of the continuum, h → 0 at a fixed horizon, about rest: κ/(ρδ²) Si(kδ)², Si the sine integral.
 
-    Si(x) > 0 for x > 0: no wave has frequency 0. The zero of `dispersion_limit_1d` at k = π/h is the lattice's, which
-    goes to this at the first order in h.
+    Si(x) > 0 for x > 0: no wave has frequency 0, the zero of `dispersion_limit_1d` at k = π/h is the lattice's. At a
+    fixed k that tends to this, at the first order in h.
 
-    Arguments: k (...) [1/length], |k| δ ≤ 200; horizon δ [length]; modulus κ [pressure]; density ρ.
-    Returns: (...) [1/time²]. Source: ours; the integral that the sum of `dispersion_limit_1d` is for.
+    Arguments: k (...) [1/length], |k| δ ≤ 200; horizon δ > 0 [length]; modulus κ [pressure]; density ρ.
+    Returns: (...) [1/time²]. Raises: ValueError for |k| δ > 200 or δ ≤ 0. Source: ours; the integral that the sum of
+    `dispersion_limit_1d` is for.
     """
+    if is_concrete(k, horizon) and not (np.all(np.abs(np.asarray(k) * horizon) <= 200) and np.all(horizon > 0)):
+        raise ValueError("horizon must be positive and |k| horizon at most 200, which the quadrature resolves")
     t, weight = np.polynomial.legendre.leggauss(160)  # Si(x) = ∫₀¹ sin(xt)/t dt, to 6e-13 for |x| ≤ 200
     t, weight = 0.5 * (t + 1), 0.5 * weight
     x = jnp.asarray(k, dtype=jnp.result_type(k, float))[..., None] * horizon

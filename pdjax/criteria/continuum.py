@@ -48,6 +48,7 @@ def continuum(model: AbstractModel, fam: Family, F: Float[Array, "dim dim"], at=
     bonds = Bonds(xi, xi @ (F - jnp.eye(fam.dim, dtype=F.dtype)).T, omega, jnp.ones_like(omega), jnp.ones((), xi.dtype))
     value, mode = decide(-2 * jnp.sum(linearise_states(model, bonds).B, axis=0), at)
     unit = p_wave_modulus(model, fam)
-    tension = jnp.linalg.norm(model.force_state(bonds), axis=1) / jnp.linalg.norm(bonds.xi + bonds.eta, axis=1)
-    scale = 2 * jnp.sum(tension) / unit  # of the terms that cancel where Γ(m) = 0
-    return Outcome(value / unit, value, mode, scale=jax.lax.stop_gradient(scale), at=mode)
+    still, held, fixed = jax.lax.stop_gradient((model, bonds, unit))
+    tension = jnp.linalg.norm(still.force_state(held), axis=1) / jnp.linalg.norm(held.xi + held.eta, axis=1)
+    scale = 2 * jnp.sum(tension) / fixed  # of the terms that cancel where Γ(m) = 0
+    return Outcome(value / unit, value, mode, scale=scale, at=mode)

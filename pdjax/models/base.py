@@ -21,7 +21,6 @@ so that f = Σ_j (T_ij − T_ji) V_j is the exact gradient of Σ V_i W_i; it rea
 A model declares its promises as class attributes; the tests, the sparsity and the choice of method read them.
 """
 
-import dataclasses
 from typing import Any, ClassVar, NamedTuple
 
 import equinox as eqx
@@ -29,7 +28,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .._checks import as_real
+from .._checks import floats_to_arrays
 from ..kinematics import displacement_gradient
 from ..neighbours import EACH_BOND, Bonds
 
@@ -60,8 +59,9 @@ class Sums(NamedTuple):
 class AbstractModel(eqx.Module):
     """A model by its energy: subclass it, define `energy(bonds) -> W`, and everything else follows.
 
-    Fields given as Python floats become arrays, so that another value compiles nothing anew and has derivatives; a
-    field that is not a number of the material (a count, a choice) is an int, or `eqx.field(static=True)`.
+    Fields given as Python floats become arrays of the precision that is set then, so that another value compiles
+    nothing anew and has derivatives: branch on them with `jnp.where`. A field that is not a number of the material (a
+    count, a choice) is an int, or `eqx.field(static=True)`.
 
     Promises (class attributes): `hyperelastic` the force is the gradient of an energy; `objective` a rigid
     rotation of the deformed body turns the forces and changes nothing else; `balances_moments` internal forces exert no
@@ -87,10 +87,7 @@ class AbstractModel(eqx.Module):
     dims: ClassVar[tuple[int, ...]] = (1, 2, 3)
 
     def __check_init__(self):
-        for field in dataclasses.fields(self):
-            value = getattr(self, field.name, None)
-            if isinstance(value, float) and not field.metadata.get("static", False):
-                object.__setattr__(self, field.name, as_real(value))
+        floats_to_arrays(self)
 
     @property
     def isotropic(self) -> bool:
@@ -103,7 +100,8 @@ class AbstractModel(eqx.Module):
         `bonds` has .xi (bonds, dim) the bonds at rest, .eta (bonds, dim) = u_j − u_i, so that xi + eta are the deformed
         ones, .omega (bonds,) the influence, .volume (bonds,) of the neighbours, .horizon.
         """
-        raise NotImplementedError(f"{type(self).__name__} defines neither energy(bonds) nor force_state(bonds)")
+        other = "" if type(self).force_state is not AbstractModel.force_state else ", and no force_state(bonds) either"
+        raise NotImplementedError(f"{type(self).__name__} defines no energy(bonds){other}")
 
     def force_state(self, bonds: Bonds) -> Float[Array, "bonds dim"]:
         """T [force/length^(2 dim)] on every bond of the family: (1/V) ∂W/∂η."""

@@ -246,5 +246,6 @@ def dimension(n: dict) -> Found:
     )
     if all(m < 1 for m in n["order above which compression fails at once, N = 3"].values()):
         ours += "; the symbol's load is 0 in each"
-    ours += f"; the diagonal of m = 0: {', '.join(load(a) for a in n['diagonal of m = 0, λ = μ = 1, N = 3'].values())}"
+    other = ", ".join(f"{dim} {load(a)}" for dim, a in n["diagonal of m = 0, λ = μ = 1, N = 3"].items())
+    ours += f". Of m = 0 not even that: {other}"
     return ours, judge(one < two < three < 0 and close(two / one, 0.5, 0.05), one < two < three < 0)

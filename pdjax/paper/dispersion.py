@@ -6,6 +6,7 @@ the same real wave half a wavelength on. The third panel reads it in three ways,
 The zero at the zone's edge: what the wave there does at rest and under load, and the continuum, which has no such zero.
 """
 
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -15,7 +16,7 @@ import pdjax as pd
 
 from .. import closed_forms as cf
 from ..figures import COLOURS
-from ._common import Found, close, judge, linear, of_order, sizes
+from ._common import Found, close, judge, linear, of_order, signed, sizes
 
 N, ORDERS, SMALL, LARGE = 3, (-1.0, 0.0, 0.5, 1.0, 2.0), 1e-6, 0.1
 LAW = linear(1.0, 0.0)
@@ -134,12 +135,15 @@ def waves_edge(n: dict) -> Found:
     edge = n["wave at the zone's edge"]
     pressed, rest, pulled = (edge["λ h²/κ"][a] for a in ("-0.01", "+0", "+0.01"))
     turns = abs(rest) < 1e-14 and pulled < 0 < pressed
+    lowest, gaps = edge["continuum, ω δ/c at kδ = 2π"], list(edge["lattices from it"].values())
+    of_the_lattice = lowest > 0.5 and all(finer < 0.6 * coarser for coarser, finer in pairwise(gaps))
+    grows, runs = np.sqrt(max(pressed, 0)), np.sqrt(max(-pulled, 0))
     ours = (
-        f"{edge['at rest']} at rest: no wave grows; m = 1 compressed by 1 %, the wave at π/h grows at"
-        f" {np.sqrt(max(pressed, 0)):.3f} c/h, stretched it runs. The zero is the lattice's: in the continuum"
-        f" ω = (c/δ) Si(kδ), at least {edge['continuum, ω δ/c at kδ = 2π']:.2f} c/δ beyond kδ = π"
+        f"{edge['at rest']} at rest, whatever m; with m = 1 the wave at π/h grows at {grows:.3f} c/h when compressed by"
+        f" 1 %, runs at {runs:.3f} c/h when stretched. The zero is the lattice's: the continuum's ω = (c/δ) Si(kδ), to"
+        f" which lattices tend, is above {np.floor(100 * lowest) / 100:.2f} c/δ beyond kδ = π"
     )
-    return ours, judge(edge["at rest"] == "unstable", edge["at rest"] == "marginal" and turns)
+    return ours, judge(edge["at rest"] == "unstable", edge["at rest"] == "marginal" and turns and of_the_lattice)
 
 
 def waves_large(n: dict) -> Found:
@@ -149,6 +153,6 @@ def waves_large(n: dict) -> Found:
     one = abs(here - there) < 1e-3 and abs(here - flipped) < 1e-3
     ours = (
         f"ω depends on where it is read ({here:.3f} at X = 0, {there:.3f} at 2h) and on the sign of u₀;"
-        f" a real standing wave's is off the symbol's by {shift:.2f} u₀²"
+        f" a real standing wave's is the symbol's times 1 {signed(shift, 2)[0]} {abs(shift):.2f} (u₀/h)²"
     )
     return ours.replace("-", "−").replace("j", "i"), judge(one, not one)

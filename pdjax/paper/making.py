@@ -7,7 +7,9 @@ programs; what they find comes back to the one that started them, which alone wr
 
 import multiprocessing
 import os
+import pickle
 import signal
+import threading
 import time
 import traceback
 from collections.abc import Callable, Generator
@@ -19,7 +21,7 @@ import jax
 
 LONGEST = ("cuboid", "step-bar", "singular-bar", "maps-2d")  # begun first, so that none is left alone at the end
 MOST = 4  # processes: three sheets take most of the time, and each takes some GB
-_SHARED = ("jax_enable_x64", "jax_compilation_cache_dir", "jax_persistent_cache_min_compile_time_secs")
+_SHARED = ("jax_platforms", "jax_compilation_cache_dir", "jax_persistent_cache_min_compile_time_secs")
 
 
 def make(name: str, quick: bool, file: Path) -> tuple[dict, float]:
@@ -28,7 +30,8 @@ def make(name: str, quick: bool, file: Path) -> tuple[dict, float]:
     from . import FIGURES
 
     start, before = time.perf_counter(), jax.config.read("jax_disable_most_optimizations")
-    jax.config.update("jax_disable_most_optimizations", quick)  # small problems: compiling takes longer than running
+    if quick:  # small problems: compiling takes longer than running
+        jax.config.update("jax_disable_most_optimizations", True)
     try:
         numbers, figure = FIGURES[name].make(quick)
     finally:
@@ -38,8 +41,10 @@ def make(name: str, quick: bool, file: Path) -> tuple[dict, float]:
 
 
 def processes(jobs: int) -> int:
-    """How many to use: one for each job and core, and no more than MOST."""
-    return max(1, min(jobs, os.cpu_count() or 1, MOST))
+    """How many to use: one for each job and core, and no more than MOST; one alone on an accelerator, whose memory the
+    first process has."""
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    return max(1, min(jobs, cores, MOST)) if jax.default_backend() == "cpu" else 1
 
 
 def each(work: Callable, jobs: dict[str, tuple], count: int) -> Generator[tuple[str, Any], None, None]:
@@ -52,51 +57,102 @@ def each(work: Callable, jobs: dict[str, tuple], count: int) -> Generator[tuple[
     if count == 1:
         yield from ((name, work(*arguments)) for name, arguments in jobs.items())
         return
-    spawn = multiprocessing.get_context("spawn")
-    settings = {name: getattr(jax.config, name) for name in _SHARED}
     waiting = sorted(jobs, key=lambda name: LONGEST.index(name) if name in LONGEST else len(LONGEST))
-    processes: list[Any] = []
+    started: list[Any] = []
     busy: dict[Any, str] = {}
+
+    def ask(end: Any) -> None:
+        busy[end] = waiting.pop(0)
+        try:
+            end.send(jobs[busy[end]])
+        except OSError:
+            pass  # its process has ended: the answer will say so
+
     try:
-        for _ in range(count):
-            here, there = spawn.Pipe()
-            processes.append(spawn.Process(target=_serve, args=(there, work, settings), daemon=True))
-            processes[-1].start()
-            there.close()  # the process has it alone, so that its end is seen
-            busy[here] = waiting.pop(0)
-            here.send(jobs[busy[here]])
+        for end in _start(work, count, started):
+            ask(end)
         while busy:
             ready: Any = wait(list(busy))
+            failed: list[Exception] = []
             for end in ready:
                 name = busy.pop(end)
                 try:
-                    good, answer = end.recv()
-                except (EOFError, ConnectionError) as error:
-                    raise ChildProcessError(
-                        f"the process that made {name} ended without a result; was there memory enough? Run again: what"
-                        f" is finished stays, and --figure {name} makes it alone"
-                    ) from error
-                if not good:
-                    raise answer
-                if waiting:
-                    busy[end] = waiting.pop(0)
-                    end.send(jobs[busy[end]])
-                yield name, answer
+                    good, answer = pickle.loads(end.recv_bytes())
+                except (EOFError, OSError):
+                    good, answer = False, ChildProcessError(_ENDED.format(name))
+                if good:
+                    yield name, answer
+                else:
+                    failed.append(answer)
+                if waiting and not failed:
+                    ask(end)
+            if failed:
+                raise failed[0]
     finally:
-        for process in processes:
+        for process in started:
             process.terminate()
+        for process in started:
             process.join()
 
 
+_ENDED = (
+    "the process that made {0} ended without a result; was there memory enough? Run again: what is finished stays, and"
+    " --figure {0} makes it alone"
+)
+
+
+def _start(work: Callable, count: int, started: list) -> list:
+    """Start processes, adding each to `started`; our ends of their pipes.
+
+    JAX's precision is set before a process imports anything, for modules hold constants. Interrupts are for this one:
+    the others are born deaf to them.
+    """
+    spawn = multiprocessing.get_context("spawn")
+    settings = {name: getattr(jax.config, name) for name in _SHARED}
+    main = threading.current_thread() is threading.main_thread()
+    before, precision = signal.signal(signal.SIGINT, signal.SIG_IGN) if main else None, os.environ.get("JAX_ENABLE_X64")
+    os.environ["JAX_ENABLE_X64"] = str(jax.config.read("jax_enable_x64"))
+    ends = []
+    try:
+        for _ in range(count):
+            here, there = spawn.Pipe()
+            process = spawn.Process(target=_serve, args=(there, work, settings), daemon=True)
+            process.start()
+            started.append(process)
+            there.close()  # the process has it alone, so that its end is seen
+            ends.append(here)
+    finally:
+        if main:
+            signal.signal(signal.SIGINT, before)
+        if precision is None:
+            del os.environ["JAX_ENABLE_X64"]
+        else:
+            os.environ["JAX_ENABLE_X64"] = precision
+    return ends
+
+
 def _serve(end: Any, work: Callable, settings: dict) -> None:
-    """One process: jobs in, (True, answer) or (False, error) out, until it is ended. Interrupts are for the first."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    """One process: jobs in, (True, answer) or (False, error) out, until it is ended or the first process is gone."""
     for name, value in settings.items():
         jax.config.update(name, value)
     while True:
-        arguments = end.recv()
         try:
-            end.send((True, work(*arguments)))
-        except Exception as error:
-            error.add_note(traceback.format_exc())
-            end.send((False, error))
+            arguments = end.recv()
+            try:
+                answer = pickle.dumps((True, work(*arguments)))
+            except Exception as error:
+                answer = pickle.dumps((False, _portable(error)))
+            end.send_bytes(answer)
+        except (EOFError, BrokenPipeError):
+            return
+
+
+def _portable(error: Exception) -> Exception:
+    """The error with its traceback as a note, as itself if that survives pickling."""
+    said = traceback.format_exc()
+    try:
+        error = pickle.loads(pickle.dumps(error))
+    except Exception:
+        error = RuntimeError(f"{type(error).__name__}: {error}")
+    error.add_note(said)
+    return error

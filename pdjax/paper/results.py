@@ -54,8 +54,8 @@ def keep(found: dict, name: str, record: dict, numbers: dict) -> None:
     rows = {row["key"]: row for row in found["claims"]}
     rows |= {claim.key: claim.row(numbers) for claim in CLAIMS if claim.figure == name}
     figures = {**found["figures"], name: {**record, "numbers": plain(numbers)}}
-    order = dict.fromkeys(claim.figure for claim in CLAIMS)
-    found["figures"] = {known: figures[known] for known in order if known in figures}
+    order = [claim.figure for claim in CLAIMS if claim.figure in figures]
+    found["figures"] = {known: figures[known] for known in dict.fromkeys([*order, *figures])}
     found["claims"] = [rows[claim.key] for claim in CLAIMS if claim.key in rows]
 
 
