@@ -104,7 +104,7 @@ def main() -> None:
     grid = figure.add_gridspec(6, 3)
     axes = np.array([[figure.add_subplot(grid[3 * row : 3 * row + 3, k]) for k in range(2)] for row in range(2)])
     pictures = [figure.add_subplot(grid[2 * k : 2 * k + 2, 2]) for k in range(3)]
-    shades = dict(zip(("m = 0", "m = 1", "Silling"), SERIES, strict=False))
+    shades = {"m = 0": COLOURS["symbol"], "m = 1": COLOURS["local"], "Silling": COLOURS["diagonal"]}
     table = {}
     for key, run in runs.items():
         name, where = key.split(", ")

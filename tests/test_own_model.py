@@ -59,7 +59,7 @@ def test_another_value_is_not_traced_again():
 
 
 def test_critical_load_of_a_field_has_a_derivative():
-    load = lambda model: pd.critical_load(model, PLANE, side="positive")  # noqa: E731
+    load = lambda model: pd.critical_load(model, PLANE, criterion="affine", side="positive")  # noqa: E731
     slope = eqx.filter_grad(load)(Springs(1.0, 2.0))  # of an array only: a float that stayed one would be left out
     central = float(load(Springs(1.0, 2.0 + 1e-4)) - load(Springs(1.0, 2.0 - 1e-4))) / 2e-4
     assert abs(float(slope.softening) / central - 1) < 1e-6
@@ -85,7 +85,7 @@ def test_a_law_of_ones_own_has_arrays_too(law):
         (lambda: pd.stability(Eta(1.0), PLANE, np.eye(2)), ValueError, r"eta =\s+u_j − u_i; the deformed bond"),
         (lambda: pd.stability(PerBond(1.0), PLANE, np.eye(2)), ValueError, r"one number.*got shape \(12,\)"),
         (lambda: pd.stability(Springs(float("nan")), PLANE, np.eye(2)), ValueError, "every constant finite"),
-        (lambda: pd.critical_load(Springs(1.0), PLANE, side="compression"), ValueError, "negative is compression"),
+        (lambda: pd.critical_load(Springs(1.0), PLANE, side="compression"), ValueError, "'negative' under compression"),
         (lambda: pd.model_atlas(["Seth-Hill 7"]), ValueError, "'Seth–Hill ½'"),
     ],
 )

@@ -118,7 +118,9 @@ def critical_load(
     Raises: ValueError for an unknown criterion or side, a limit not in (1e-6, 1) on the negative side.
     """
     choice("criterion", criterion, list(CRITERIA))
-    choice("side (of a: under hydrostatic and uniaxial load negative is compression)", side, SIDES)
+    if side in ("compression", "tension"):
+        raise ValueError(f"side is the sign of a: 'negative' under compression, 'positive' under tension; got {side!r}")
+    choice("side", side, SIDES)
     if not callable(path):
         raise ValueError(f"path must be a function (a, model, fam) -> F, such as pd.hydrostatic; got {path!r}")
     limit = LIMITS[side] if limit is None else limit
