@@ -135,7 +135,7 @@ def make_2d(quick: bool) -> tuple[dict, Figure]:
         },
         **beyond_hydrostatic(quick),
     }
-    luck = "; at N = 3 and λ = μ, and only there, the printed 2D diagonal is near the exact one"
+    luck = "; printed and exact meet almost, at N = 3 and λ = μ only"
     return numbers, _titled(pd.figures.stability_map(found), quick, luck)
 
 
