@@ -263,7 +263,8 @@ def _symbol(arguments) -> Job:
     steps = [np.linspace(p, q, 80, endpoint=False) for p, q in itertools.pairwise(corners)]
     waves = np.concatenate([*steps, corners[-1:]])
     arc = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(waves, axis=0), axis=1))])
-    values = np.asarray(jnp.linalg.eigvalsh(pd.symbol(model, fam, F, waves)) / pd.p_wave_modulus(model, fam))
+    unit = float(pd.p_wave_modulus(model, fam))
+    values = np.asarray(jnp.linalg.eigvalsh(pd.symbol(model, fam, F, waves)) / unit)
     out = {
         "verdict": result.verdict,
         "margin": float(result.margin),
@@ -280,7 +281,6 @@ def _symbol(arguments) -> Job:
         k = ", ".join(f"{x:.4f}" for x in np.asarray(result.wave_vector) / np.pi)
         mode = ", ".join(f"{x:.4f}" for x in np.asarray(result.mode))
         print(f"{result.verdict}: margin {out['margin']:+.6e} (zero within {out['tolerance']:.0e})")
-        unit = float(pd.p_wave_modulus(model, fam))
         print(f"wave vector ({k}) π/h, mode ({mode})")
         print(f"eigenvalue {out['eigenvalue']:+.6e} (spacing 1, unit of lam), λ h²/M {out['eigenvalue'] / unit:+.6e}")
         print(f"M = {unit:g}, the lattice's λ + 2μ at rest")

@@ -18,11 +18,7 @@ def add_atlas(jobs: Any, formatter: Any) -> None:
     )
     job.add_argument("--dim", type=int, nargs="+", default=[1, 2], choices=(1, 2, 3), help="dimensions (default 1 2)")
     job.add_argument("--N", type=float, nargs="+", default=[3.0], help="horizons over lattice spacing (default 3)")
-    job.add_argument(
-        "--models",
-        nargs="+",
-        help="names, in quotes (default: all; a wrong name lists them)",
-    )
+    job.add_argument("--models", nargs="+", help="names of models, in quotes (default: all; a wrong name lists them)")
     job.add_argument("--path", nargs="+", help="load paths (default: all)")
     job.add_argument("--lam", type=float, default=1.0, help="first Lamé constant of the linear law (default 1)")
     job.add_argument("--mu", type=float, default=1.0, help="shear modulus of the linear law (default 1)")

@@ -185,7 +185,7 @@ def symbol(model: AbstractModel, fam: Family, F, k) -> Float[Array, "*waves dim 
     Returns: (..., dim, dim) real [force/length^(dim+1)]; symmetric for hyperelastic models, zero at k = 0.
     Raises: ValueError for det F ≤ 0, NaN in k, a k of the wrong dimension, a singular family.
     """
-    check_model(model, fam)
+    check_model(model, fam, Family)
     F = deformation_gradient(F, fam.dim)
     k = jnp.asarray(k, dtype=F.dtype)
     if k.ndim == 0 or k.shape[-1] != fam.dim:
@@ -206,7 +206,7 @@ def center_block(model: AbstractModel, fam: Family, F) -> Float[Array, "dim dim"
     It is the mean of the symbol over the Brillouin zone.
     Arguments: F (dim, dim).  Returns: (dim, dim) [force/length^(dim+1)].  Raises: as `force_state`.
     """
-    check_model(model, fam)
+    check_model(model, fam, Family)
     return block_at_center(model, fam, deformation_gradient(F, fam.dim))
 
 
@@ -230,7 +230,7 @@ def block_at_center(model: AbstractModel, fam: Family, F: Float[Array, "dim dim"
 
 def p_wave_modulus(model: AbstractModel, fam: Family) -> Float[Array, ""]:
     """M = ∂P₁₁/∂F₁₁ at F = I [pressure]: the law's λ + 2μ, as the model on this family has it."""
-    check_model(model, fam)
+    check_model(model, fam, Family)
     return _modulus(model, fam)
 
 

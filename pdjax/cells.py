@@ -122,7 +122,7 @@ def _symbols(model, fams, bonds, k):
 
 
 def _bonds(model: AbstractModel, fams: Families, F, u) -> Bonds:
-    check_model(model, fams)
+    check_model(model, fams, Families)
     F = deformation_gradient(F, fams.dim)
     return fams.bonds(jnp.zeros((len(fams), fams.dim)) if u is None else point_field(u, fams), F)
 

@@ -75,7 +75,7 @@ def coloured_jacobian(model: AbstractModel, fams: Families, u, F=None) -> sp.csr
     Arguments: u (points, dim) [length]; F (dim, dim) a mean deformation or None, as in `force_density`.
     Raises: ValueError as `force_density`.
     """
-    check_model(model, fams)
+    check_model(model, fams, Families)
     fams.need_arrays()
     u = point_field(u, fams).astype(fams.xi.dtype)
     pattern = jacobian_pattern(fams, model.rings)

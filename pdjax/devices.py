@@ -272,7 +272,7 @@ def slab_force(model: AbstractModel, fams: Families, mesh: Mesh) -> SlabForce:
     Raises: ValueError for a model without moments, a body that is not a full lattice, a mesh that does not divide the
         first axis (with the numbers of devices that would) or makes slabs thinner than the halo.
     """
-    check_model(model, fams)
+    check_model(model, fams, Families)
     _refuse(model, fams)
     mesh, _, devices = device_mesh(mesh)
     grid: Any = fams.grid

@@ -148,9 +148,7 @@ def force_operator(model: AbstractModel, fams: Families, way: str = "auto", mean
     Arguments and errors: as `force_density`; mean: whether it will be called with a mean deformation, f(u, F).
     Example: `f = pd.force_operator(model, fams); f(u)`.
     """
-    if not isinstance(fams, Families):
-        raise ValueError(f"a body has Families, of pd.families(body, horizon); got {type(fams).__name__}")
-    check_model(model, fams)
+    check_model(model, fams, Families)
     way = _choose(model, fams, way, mean)
     return ForceOperator(model, fams, _plan(model, fams, way), way)
 

@@ -49,11 +49,20 @@ def each_point(method: str, model: AbstractModel, bonds: Bonds) -> Any:
     return jax.vmap(lambda mine, b: getattr(eqx.combine(mine, shared), method)(b))(varying, bonds)
 
 
-def check_model(model: AbstractModel, fams: Family | Families) -> None:
-    """Refuse a family whose shape tensor the model needs and can't invert, with the point's index.
+_NEEDED = {
+    Family: "an infinite lattice is one Family, of pd.lattice_family(dim, N)",
+    Families: "a body has Families, of pd.families(body, horizon)",
+}
 
-    Looks at values, so it does nothing under a transformation; every public function calls it first.
+
+def check_model(model: AbstractModel, fams: Family | Families, kind: type[Family] | type[Families]) -> None:
+    """Refuse what is not of the kind a function takes, one `Family` or the `Families` of a body; and a family whose
+    shape tensor the model needs and can't invert, with the point's index.
+
+    Looks at values, so of those it says nothing under a transformation; every public function calls it first.
     """
+    if not isinstance(fams, kind):
+        raise ValueError(f"{_NEEDED[kind]}; got {type(fams).__name__}")
     if not isinstance(model, AbstractModel):
         raise ValueError(f"model must be a pdjax model such as SethHill or Correspondence; got {model!r}")
     if fams.dim not in model.dims:
@@ -144,7 +153,7 @@ def point_field(u, fams: Families, name: str = "u") -> Array:
 
 def body_bonds(model: AbstractModel, fams: Families, u, F=None) -> Bonds:
     """The checked bonds of a body under u on top of the mean deformation F."""
-    check_model(model, fams)
+    check_model(model, fams, Families)
     return fams.bonds(point_field(u, fams), None if F is None else deformation_gradient(F, fams.dim))
 
 
@@ -154,7 +163,7 @@ def force_state(model: AbstractModel, fam: Family, F) -> Float[Array, "bonds dim
     Arguments: F (dim, dim) [-], det F > 0.  Returns: (bonds, dim) [force/length^(2 dim)].
     Raises: ValueError for det F ≤ 0, NaN, or a family whose shape tensor the model can't invert.
     """
-    check_model(model, fam)
+    check_model(model, fam, Family)
     return model.force_state(fam.bonds(deformation_gradient(F, fam.dim)))
 
 
@@ -163,7 +172,7 @@ def piola_stress(model: AbstractModel, fam: Family, F) -> Float[Array, "dim dim"
 
     Arguments, errors: as `force_state`.
     """
-    check_model(model, fam)
+    check_model(model, fam, Family)
     return affine_stress(model, fam, deformation_gradient(F, fam.dim))
 
 

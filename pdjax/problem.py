@@ -236,7 +236,7 @@ def scene(
     if mean is not None and body.period is None:
         raise ValueError("mean deformation is for periodic bodies; prescribe displacements of this one instead")
     shape = (len(body), body.dim)
-    check_model(model, fams)  # refuses families the model can't use
+    check_model(model, fams, Families)  # refuses families the model can't use
     held, value = _prescribe(conditions, shape, 16 * float(jnp.finfo(fams.dtype).eps))
     if held.all():
         raise ValueError("the body is over-constrained: every displacement is prescribed and nothing is left to solve")

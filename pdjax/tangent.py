@@ -21,7 +21,7 @@ from .neighbours import Families
 
 def jvp(model: AbstractModel, fams: Families, u, v, F=None) -> Float[Array, "points dim"]:
     """J v, the directional derivative of the force density at u along v (points, dim) [length]."""
-    check_model(model, fams)
+    check_model(model, fams, Families)
     u, v = (point_field(x, fams, name).astype(fams.dtype) for x, name in ((u, "u"), (v, "v")))
     return jax.jvp(lambda w: force_density(model, fams, w, F), (u,), (v,))[1]
 

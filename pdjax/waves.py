@@ -85,7 +85,7 @@ def dispersion(model: AbstractModel, fam: Family, F, k, density=1.0) -> Dispersi
     Arguments: F (dim, dim) [-]; k (waves, dim) [1/length], in 1D (waves,) too; density ρ > 0 [mass/length^dim].
     Returns: `Dispersion`.  Raises: ValueError as `symbol`, for a density ≤ 0, a model without an energy.
     """
-    check_model(model, fam)
+    check_model(model, fam, Family)
     if not model.hyperelastic:
         raise ValueError(f"{type(model).__name__} has no energy: its symbol need not be symmetric; use pdjax.symbol")
     F = deformation_gradient(F, fam.dim)

@@ -308,11 +308,11 @@ def test_families_too_poor_are_refused():
     # a honeycomb: three neighbours, each alone in its quadrant, so that K can be inverted and no sector's
     cell = np.array([[0.0, 0.0], [0.0, 1.0], [0.5 * 3**0.5, 1.5], [0.5 * 3**0.5, 2.5]])
     honeycomb = pd.cloud(np.concatenate([cell, np.add(cell, [3**0.5, 0.0])]), 1.0, period=(12**0.5, 3.0))
-    check_model(MODELS["correspondence svk"], pd.families(honeycomb, 1.1))
+    check_model(MODELS["correspondence svk"], pd.families(honeycomb, 1.1), pd.Families)
     with pytest.raises(
         ValueError, match="SubHorizon needs an invertible shape tensor, and that of the family of point 0"
     ):
-        check_model(MODELS["sub_horizon"], pd.families(honeycomb, 1.1))
+        check_model(MODELS["sub_horizon"], pd.families(honeycomb, 1.1), pd.Families)
 
 
 @pytest.mark.parametrize("dim, N", [(2, 1), (3, 2)])

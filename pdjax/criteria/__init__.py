@@ -68,9 +68,7 @@ def kept_symmetry(F, fam: Family, isotropic: bool) -> str:
 
 def check_at_rest(model: AbstractModel, fam: Family) -> None:
     """Refuse a singular family, and a model whose P-wave modulus is not positive: every margin is divided by it."""
-    if not isinstance(fam, Family):
-        raise ValueError(f"an infinite lattice is one Family, of pd.lattice_family(dim, N); got {type(fam).__name__}")
-    check_model(model, fam)
+    check_model(model, fam, Family)
     if is_concrete(model, fam):
         with jax.ensure_compile_time_eval():
             M = float(p_wave_modulus(model, fam))

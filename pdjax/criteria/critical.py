@@ -139,7 +139,7 @@ def load_slope(model: AbstractModel, fam: Family, path: Path = hydrostatic, side
         −inf if no such wave is free of energy at rest.
     """
     choice("side", side, SIDES)
-    check_model(model, fam)
+    check_model(model, fam, Family)
     sign = -1.0 if side == "negative" else 1.0
     M = p_wave_modulus(model, fam)
     k = jnp.asarray(half_reciprocal_points(fam.dim), dtype=fam.xi.dtype) / fam.spacing

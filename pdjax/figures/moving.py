@@ -11,7 +11,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from matplotlib.animation import FFMpegWriter, FuncAnimation, PillowWriter
 from matplotlib.figure import Figure, SubFigure
-from matplotlib.lines import Line2D
 
 from .._checks import moved_whole
 from ..dynamics.history import History
@@ -46,6 +45,7 @@ def dispersion_curves(
     figure = Figure(figsize=(4.6 * len(panels) + 0.4, 4.6), layout="constrained") if on is None else on
     axes = figure.subplots(1, len(panels), sharey=True, squeeze=False)[0]
     fixed = {"classical": "#888888", "symbol": COLOURS["symbol"], "continuum": COLOURS["continuum"]}
+    rings = []
     for panel, (name, branches) in zip(axes, panels.items(), strict=True):
         colour = 0
         for branch in branches:
@@ -54,16 +54,15 @@ def dispersion_curves(
             panel.plot(branch.k, branch.omega, branch.style, color=shade, linewidth=1.4, label=branch.name)
             if branch.zero is not None and branch.zero.any():
                 at = branch.k[branch.zero]
-                panel.plot(at, np.zeros_like(at), "o", mfc="none", mec=COLOURS["symbol"], ms=8, clip_on=False, zorder=5)
+                ring: dict[str, Any] = {"mfc": "none", "mec": COLOURS["symbol"], "ms": 8, "clip_on": False, "zorder": 5}
+                rings += panel.plot(at, np.zeros_like(at), "o", **ring)
         panel.set_title(name, fontsize=10)
         panel.set_xlabel("wave number  k h / π  [–]")
         panel.set_xlim(branches[0].k[0], branches[0].k[-1])
     axes[0].set_ylabel("frequency  Re ω h / c  [–]")
     axes[0].set_ylim(0, highest)
     handles, words = axes[0].get_legend_handles_labels()
-    if any(branch.zero is not None and branch.zero.any() for branches in panels.values() for branch in branches):
-        handles.append(Line2D([], [], linestyle="", marker="o", mfc="none", mec=COLOURS["symbol"], ms=8))
-        words.append("costs no energy")
+    handles, words = handles + rings[:1], words + ["costs no energy"] * len(rings[:1])
     figure.legend(handles, words, loc="outside lower center", ncols=4, fontsize=9, frameon=False)
     figure.suptitle(title, fontsize=11)
     return figure

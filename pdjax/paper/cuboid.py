@@ -76,9 +76,8 @@ def predicted(run: dict, rates: np.ndarray, rate: float, strains=STRAINS) -> tup
     first = int(np.searchsorted(strain, START))
     with np.errstate(over="ignore"):
         curve = worst[first] * np.exp(exponent - exponent[first])
+    over = np.flatnonzero((curve > ONSET) & (np.arange(len(curve)) > first))
     curve[:first] = np.nan
-    over = np.flatnonzero(curve > ONSET)
-    over = over[over > first]
     return curve, float(strain[over[0]]) if len(over) else None
 
 

@@ -16,7 +16,7 @@ import pdjax as pd
 
 from .. import closed_forms as cf
 from ..figures import COLOURS
-from ._common import Found, close, judge, linear, of_order, signed, sizes
+from ._common import Found, close, judge, linear, of_order, sizes
 
 N, ORDERS, SMALL, LARGE = 3, (-1.0, 0.0, 0.5, 1.0, 2.0), 1e-6, 0.1
 LAW = linear(1.0, 0.0)
@@ -153,6 +153,6 @@ def waves_large(n: dict) -> Found:
     one = abs(here - there) < 1e-3 and abs(here - flipped) < 1e-3
     ours = (
         f"ω depends on where it is read ({here:.3f} at X = 0, {there:.3f} at 2h) and on the sign of u₀;"
-        f" a real standing wave's is the symbol's times 1 {signed(shift, 2)[0]} {abs(shift):.2f} (u₀/h)²"
+        f" a real standing wave's is the symbol's times 1 {'-' if shift < 0 else '+'} {abs(shift):.2f} (u₀/h)²"
     )
     return ours.replace("-", "−").replace("j", "i"), judge(one, not one)

@@ -12,7 +12,8 @@ import signal
 import threading
 import time
 import traceback
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Iterator
+from contextlib import contextmanager
 from multiprocessing.connection import wait
 from pathlib import Path
 from typing import Any
@@ -21,7 +22,12 @@ import jax
 
 LONGEST = ("cuboid", "step-bar", "singular-bar", "maps-2d")  # begun first, so that none is left alone at the end
 MOST = 4  # processes: three sheets take most of the time, and each takes some GB
-_SHARED = ("jax_platforms", "jax_compilation_cache_dir", "jax_persistent_cache_min_compile_time_secs")
+_SHARED = (
+    "jax_enable_x64",
+    "jax_platforms",
+    "jax_compilation_cache_dir",
+    "jax_persistent_cache_min_compile_time_secs",
+)
 
 
 def make(name: str, quick: bool, file: Path) -> tuple[dict, float]:
@@ -102,39 +108,43 @@ _ENDED = (
 
 
 def _start(work: Callable, count: int, started: list) -> list:
-    """Start processes, adding each to `started`; our ends of their pipes.
-
-    JAX's precision is set before a process imports anything, for modules hold constants. Interrupts are for this one:
-    the others are born deaf to them.
-    """
+    """Start processes, adding each to `started`; our ends of their pipes."""
     spawn = multiprocessing.get_context("spawn")
-    settings = {name: getattr(jax.config, name) for name in _SHARED}
-    main = threading.current_thread() is threading.main_thread()
-    before, precision = signal.signal(signal.SIGINT, signal.SIG_IGN) if main else None, os.environ.get("JAX_ENABLE_X64")
-    os.environ["JAX_ENABLE_X64"] = str(jax.config.read("jax_enable_x64"))
     ends = []
-    try:
+    with _as_it_is_born():
         for _ in range(count):
             here, there = spawn.Pipe()
-            process = spawn.Process(target=_serve, args=(there, work, settings), daemon=True)
+            process = spawn.Process(target=_serve, args=(there, work), daemon=True)
             process.start()
             started.append(process)
             there.close()  # the process has it alone, so that its end is seen
             ends.append(here)
-    finally:
-        if main:
-            signal.signal(signal.SIGINT, before)
-        if precision is None:
-            del os.environ["JAX_ENABLE_X64"]
-        else:
-            os.environ["JAX_ENABLE_X64"] = precision
     return ends
 
 
-def _serve(end: Any, work: Callable, settings: dict) -> None:
+@contextmanager
+def _as_it_is_born() -> Iterator[None]:
+    """What a process started here inherits: JAX's settings, in the environment, for modules hold constants of the
+    precision that is set when they are imported; and deaf ears for interrupts, which are for the first process."""
+    settings = {name.upper(): str(value) for name in _SHARED if (value := getattr(jax.config, name)) is not None}
+    kept = {name: os.environ.get(name) for name in settings}
+    main = threading.current_thread() is threading.main_thread()
+    heard = signal.signal(signal.SIGINT, signal.SIG_IGN) if main else None
+    os.environ.update(settings)
+    try:
+        yield
+    finally:
+        for name, value in kept.items():
+            if value is None:
+                del os.environ[name]
+            else:
+                os.environ[name] = value
+        if main:
+            signal.signal(signal.SIGINT, heard)
+
+
+def _serve(end: Any, work: Callable) -> None:
     """One process: jobs in, (True, answer) or (False, error) out, until it is ended or the first process is gone."""
-    for name, value in settings.items():
-        jax.config.update(name, value)
     while True:
         try:
             arguments = end.recv()

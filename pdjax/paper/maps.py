@@ -4,8 +4,6 @@ Beside the maps: which sides fail at once on several lattices, whether m = 0 is 
 what a stabiliser does, and where the classical law itself fails.
 """
 
-import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 from matplotlib.figure import Figure
@@ -62,17 +60,13 @@ def printed_2d(found: pd.StabilityMap) -> dict[str, dict[str, float]]:
     laws that fit the paper's S = κE and for λ = μ = 1: the share of states it is wrong about, and how far the corrected
     formula is off.
     """
-    m, a, fam = found.line_m[:, None], found.line_a[None, :], pd.lattice_family(2, N)
-
-    @eqx.filter_jit
-    def diagonal(law):
-        one = lambda order, load: pd.center_block(of_order(order, law), fam, (1 + load) * jnp.eye(2))[0, 0]  # noqa: E731
-        return jax.vmap(jax.vmap(one, (None, 0)), (0, None))(found.line_m, found.line_a)
-
+    orders, loads = found.line_m, found.line_a
+    m, a = orders[:, None], loads[None, :]
     printed = np.asarray(cf.bracket_2d(a, m, N, "printed"))
     out = {}
     for name, (lam, mu) in CONSTANTS.items():
-        exact = np.asarray(diagonal(linear(lam, mu)))
+        by_autodiff = pd.stability_map(orders, loads, N, 2, linear(lam, mu), criterion="diagonal", show_progress=False)
+        exact = by_autodiff.eigenvalue
         lattice = np.asarray(cf.lattice_diagonal(a, m, 2, N, lam, mu))
         out[name] = {
             "printed is wrong about": float(np.mean((printed > 0) != (exact < 0))),

@@ -69,24 +69,20 @@ def write(found: dict, out: Path) -> None:
 
 def markdown(found: dict) -> str:
     """The table of claims in Markdown, as it stands in a README: from the results alone."""
-    rows = [
-        [row["claim"], row["where"], row["paper"], row["ours"], f"**{row['verdict']}**", f"`{row['command']}`"]
-        for row in found["claims"]
-    ]
-    return table(_HEAD, rows)
+    return table(_HEAD, _cells(found["claims"], "claim", "where", "paper", "ours", "verdict", "command"))
 
 
 def verdicts(figure: str, numbers: dict, leave: tuple[str, ...] = ()) -> str:
     """What became of the claims that the numbers of a sheet decide, but those whose keys are in `leave`: a table."""
     rows = [claim.row(numbers) for claim in CLAIMS if claim.figure == figure and claim.key not in leave]
     head = ("claim", "where", "paper", "ours", "verdict")
-    return table(head, [[*(row[part] for part in head[:-1]), f"**{row['verdict']}**"] for row in rows])
+    return table(head, _cells(rows, *head))
 
 
 def refuted(found: dict) -> str:
     """The claims that don't hold, in short."""
-    rows = [[row["claim"], row["paper"], row["ours"]] for row in found["claims"] if row["verdict"] == "refuted"]
-    return table(("refuted", "paper", "exact"), rows)
+    rows = [row for row in found["claims"] if row["verdict"] == "refuted"]
+    return table(("refuted", "paper", "exact"), _cells(rows, "claim", "paper", "ours"))
 
 
 def in_readme(found: dict) -> str:
@@ -98,12 +94,9 @@ def in_readme(found: dict) -> str:
 
 def questions(found: dict) -> str:
     """The steps of the derivation and what was open, each with its answer and the test that holds it."""
-    rows = [
-        [row["question"], row["ours"], f"**{row['verdict']}**", f"`{row['test']}`"]
-        for row in found["claims"]
-        if row["question"]
-    ]
-    return table(("question", "answer", "the paper's statement is", "held by"), rows)
+    rows = [row for row in found["claims"] if row["question"]]
+    head = ("question", "answer", "the paper's statement is", "held by")
+    return table(head, _cells(rows, "question", "ours", "verdict", "test"))
 
 
 def document(found: dict) -> str:
@@ -114,6 +107,12 @@ def document(found: dict) -> str:
         f"# The paper, claim by claim ({size})\n\n{markdown(found)}\n\n"
         f"## Steps of the derivation, and what was open\n\n{questions(found)}\n\n## Figures\n\n{pictures}\n"
     )
+
+
+def _cells(rows: list[dict], *parts: str) -> list[list[str]]:
+    """The named parts of each row as a table shows them: verdicts in bold, commands and tests as code."""
+    dress = {"verdict": "**{}**", "command": "`{}`", "test": "`{}`"}
+    return [[dress.get(part, "{}").format(row[part]) for part in parts] for row in rows]
 
 
 def counts(found: dict) -> str:
