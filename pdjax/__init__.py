@@ -2,7 +2,7 @@
 
 Write a material model once, for one family of bonds; get its forces, its exact Jacobian, its spectrum, its
 critical loads and their gradients; and the equilibria and motions of whole bodies with their spectra.
-The library follows the dtype of its inputs and never touches `jax.config`:
+The library follows the dtype of its inputs and never touches `jax.config`, unless you call `use_compilation_cache`:
 for signs of eigenvalues, enable float64 first, `jax.config.update("jax_enable_x64", True)`. One flag of XLA it sets,
 and says why (`pdjax._xla`): import it before the first computation.
 `pdjax.figures` and `pdjax.export` load matplotlib and meshio when they are first used, not before.
@@ -16,6 +16,7 @@ from .atlas import Atlas, model_atlas, zero_energy_waves
 from .bench.advice import advise
 from .bloch import center_block, p_wave_modulus, symbol
 from .cells import CellStability, cell_families, cell_stability, cell_symbol, relaxed
+from .compilation_cache import use_compilation_cache
 from .conditions import body_force, homogeneous_traction, prescribe, total_force
 from .criteria import CRITERIA, Stability, stability
 from .criteria.body import BodyStability, body_inertia, body_spectrum, body_stability
@@ -220,6 +221,7 @@ __all__ = [
     "total_force",
     "uniaxial_strain",
     "uniaxial_stress",
+    "use_compilation_cache",
     "verlet_rate",
     "zero_energy_waves",
 ]

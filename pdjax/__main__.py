@@ -7,12 +7,9 @@ import argparse
 import itertools
 import json
 import math
-import os
 import sys
-import tempfile
 import time
-from pathlib import Path
-from typing import Any
+import warnings
 
 import numpy as np
 
@@ -21,6 +18,7 @@ from ._run_atlas import add_atlas, run_atlas
 from ._run_bench import add_bench, run_bench
 from ._run_motions import Job
 from ._run_paper import add_paper, run_paper
+from .compilation_cache import use_compilation_cache
 
 _EPILOG = """examples
   pdjax map                                     the default map: 2D, N = 3, orders m in [-2, 2], |a| up to 30 %
@@ -297,19 +295,13 @@ def _symbol(arguments) -> Job:
     return out, None if picture is None else files
 
 
-def _keep_compiled(jax: Any) -> None:
-    """Keep compiled programs from run to run: in JAX_COMPILATION_CACHE_DIR, or the user's cache folder if that can be
-    written. A folder that can't costs nothing but the time to compile."""
-    if jax.config.jax_compilation_cache_dir:
-        return
-    folder = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "pdjax" / "compiled"
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=folder):
-            pass
-    except (OSError, RuntimeError):  # RuntimeError: there is no home
-        return
-    jax.config.update("jax_compilation_cache_dir", str(folder))
+def _keep_compiled() -> None:
+    """Keep compiled programs from run to run; where that can't be done, say so in one line and go on."""
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        use_compilation_cache()
+    for warning in said:
+        print(f"pdjax: {warning.message}", file=sys.stderr)
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -322,8 +314,7 @@ def main(argv: list[str] | None = None) -> int:
 
     jax.config.update("jax_enable_x64", True)
     if argv is None:
-        _keep_compiled(jax)
-        jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.2)
+        _keep_compiled()
     jobs = {"map": _map, "critical": _critical, "symbol": _symbol, "atlas": run_atlas, "bench": run_bench, "run": run}
     jobs["paper"] = run_paper
     try:

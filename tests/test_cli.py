@@ -201,20 +201,3 @@ def test_a_large_map_shows_a_first_picture_of_every_fourth_state(tmp_path, capsy
     assert main(["map", "--m=-1:2:160", "--a=-0.1:0.1:161", "--out", str(tmp_path / "large")]) == 0
     assert seen == [(40, 41, False), (160, 161, True)]
     assert "first picture, 1640 states, after" in capsys.readouterr().err
-
-
-@pytest.mark.parametrize("kind", ["free", "taken", "asked for"])
-def test_compiled_programs_are_kept_where_that_is_possible(kind, tmp_path, monkeypatch):
-    from types import SimpleNamespace
-
-    from pdjax.__main__ import _keep_compiled
-
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
-    if kind == "taken":
-        (tmp_path / "cache").write_text("a file, no folder")
-    kept = []
-    given = "/elsewhere" if kind == "asked for" else None
-    config = SimpleNamespace(jax_compilation_cache_dir=given, update=lambda *new: kept.append(new))
-    _keep_compiled(SimpleNamespace(config=config))
-    folder = str(tmp_path / "cache" / "pdjax" / "compiled")
-    assert kept == ([("jax_compilation_cache_dir", folder)] if kind == "free" else [])

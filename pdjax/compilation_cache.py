@@ -1,0 +1,97 @@
+"""Compiled programs kept on disk, so that the next process reads what an earlier one compiled.
+
+JAX has such a cache, and it is off until a folder is named. This module names one for the user who asks, and for the
+command line. It is the one place where pdjax writes to `jax.config`.
+"""
+
+import os
+import tempfile
+import warnings
+from pathlib import Path
+
+import jax
+from jax.experimental.compilation_cache import compilation_cache
+
+THRESHOLDS = {  # programs of every size and compile time are kept, unless the environment says otherwise
+    "jax_persistent_cache_min_compile_time_secs": 0.0,
+    "jax_persistent_cache_min_entry_size_bytes": -1,
+}
+
+
+def default_folder() -> Path:
+    """Return the folder of compiled programs in the user's cache directory; RuntimeError if there is no home."""
+    caches = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
+    return Path(caches, "pdjax", f"jax-{jax.__version__}")
+
+
+def use_compilation_cache(path: str | os.PathLike | None = None) -> str | None:
+    """Keep compiled programs on disk, so that later processes read them instead of compiling again.
+
+    Call it once, before the first computation. It sets JAX's persistent compilation cache for the whole process:
+    `jax_compilation_cache_dir`, and thresholds such that every program is kept. Nothing else in pdjax writes to
+    `jax.config`, and importing pdjax does not call this function.
+
+    Parameters
+    ----------
+    path : str or path, optional
+        Folder of the compiled programs; it is made if it does not exist. By default it is the folder that JAX already
+        uses (the environment variable `JAX_COMPILATION_CACHE_DIR`, or `jax.config`), and otherwise
+        `pdjax/jax-<version>` in `$XDG_CACHE_HOME` or `~/.cache`.
+
+    Returns
+    -------
+    str or None
+        The folder in use, or None if it cannot be written. In that case a `UserWarning` says so, and every process
+        compiles its programs as it would without a cache.
+
+    Notes
+    -----
+    Programs that this process compiled before the call stay in memory and are not written. The key of a program
+    contains the versions of JAX and XLA, the device and the compiler's flags, so a folder may be shared by several
+    environments. The folder is never emptied: remove it whenever you like. JAX runs what it reads there, so use a
+    folder that only you can write.
+
+    Examples
+    --------
+    >>> import pdjax as pd
+    >>> folder = pd.use_compilation_cache()  # doctest: +SKIP
+    """
+    known = jax.config.jax_compilation_cache_dir or os.environ.get("JAX_COMPILATION_CACHE_DIR") or None
+    given = path if path is not None else known
+    if given is not None and "://" in os.fspath(given):  # a bucket, which JAX writes by itself
+        folder = os.fspath(given)
+    else:
+        try:
+            folder = str(_made(default_folder() if given is None else Path(given)))
+        except (OSError, RuntimeError) as error:  # RuntimeError: there is no home
+            warnings.warn(_REFUSED.format(given or "the default folder", error), stacklevel=2)
+            _use(None)
+            return None
+    _use(folder)
+    for name, value in THRESHOLDS.items():
+        if name.upper() not in os.environ:
+            jax.config.update(name, value)
+    return folder
+
+
+_REFUSED = (
+    "compiled programs are not kept on disk, because {} cannot be written ({}); the computation goes on and compiles"
+    " its programs anew. Name a folder that you can write: pd.use_compilation_cache(path), or the environment variable"
+    " JAX_COMPILATION_CACHE_DIR"
+)
+
+
+def _made(folder: Path) -> Path:
+    """The folder's absolute path, once it exists and a file can be created in it; OSError otherwise."""
+    folder = folder.expanduser().absolute()
+    folder.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryFile(dir=folder):
+        pass
+    return folder
+
+
+def _use(folder: str | None) -> None:
+    """Give JAX the folder, also if it already reads from another one."""
+    if folder != jax.config.jax_compilation_cache_dir:
+        compilation_cache.reset_cache()
+        jax.config.update("jax_compilation_cache_dir", folder)
