@@ -23,7 +23,44 @@ def is_concrete(*trees: Any) -> bool:
     return not any(isinstance(leaf, jax.core.Tracer) for leaf in jax.tree.leaves(trees))
 
 
-def require(x: jax.Array, ok: Any, message: str) -> jax.Array:
+def inside_jit() -> bool:
+    """True while `jit` or `scan` traces: values made here are traced too, and the host can't look at any."""
+    return isinstance(jax.device_put(np.float32(0)), jax.core.Tracer)
+
+
+def namespace(*trees: Any) -> Any:
+    """NumPy if no leaf of the trees is a tracer, else jax.numpy.
+
+    Every operation of jax.numpy outside a program compiles a program of its own, NumPy's compile nothing.
+    """
+    return np if is_concrete(*trees) else jnp
+
+
+def on_host(tree: Any) -> Any:
+    """The tree with concrete JAX arrays as NumPy arrays; a scalar of weak type becomes a Python number.
+
+    Python numbers leave the dtype of an array that they meet as it is, as scalars of weak type do. Tracers stay.
+    """
+
+    def value(leaf: Any) -> Any:
+        if not isinstance(leaf, jax.Array) or isinstance(leaf, jax.core.Tracer):
+            return leaf
+        array = np.asarray(leaf)
+        return array.item() if leaf.weak_type and array.ndim == 0 else array
+
+    return jax.tree.map(value, tree)
+
+
+def on_device(tree: Any) -> Any:
+    """The tree with NumPy arrays and numbers as JAX arrays: the last step of what NumPy has computed.
+
+    `jax.device_put` compiles nothing; `jnp.asarray` compiles a program for each shape. The arrays may share the memory
+    of the NumPy arrays, so pass no array that a user may write to.
+    """
+    return jax.tree.map(lambda leaf: leaf if isinstance(leaf, jax.Array) else jax.device_put(leaf), tree)
+
+
+def require(x: Any, ok: Any, message: str) -> Any:
     """Return `x`; raise with `message` where `ok` is false, now if concrete, at run time if traced."""
     if is_concrete(ok):
         if not bool(np.all(np.asarray(ok))):
@@ -35,7 +72,8 @@ def require(x: jax.Array, ok: Any, message: str) -> jax.Array:
 def check_positive(name: str, value: Any) -> None:
     """Refuse a constant that is not finite and > 0, where its value is known."""
     if is_concrete(value):
-        require(value, jnp.isfinite(value) & (value > 0), f"{name} must be finite and > 0; got {value}")
+        number = np.asarray(value)
+        require(value, np.isfinite(number) & (number > 0), f"{name} must be finite and > 0; got {value}")
 
 
 def finite(name: str, value: Any) -> np.ndarray:
@@ -49,10 +87,33 @@ def finite(name: str, value: Any) -> np.ndarray:
     return array
 
 
+def _numeric(x: Any) -> np.ndarray | None:
+    """A concrete value as a NumPy array of numbers, or None: jax.numpy then says what is wrong with it."""
+    array = np.asarray(x)
+    return array if array.dtype.kind in "biufc" else None
+
+
+def as_array(x: Any, dtype: Any = float) -> jax.Array:
+    """`x` as a JAX array of a dtype, by default the float type that is set. A value that is known compiles nothing."""
+    dtype = jax.dtypes.canonicalize_dtype(dtype)
+    if not is_concrete(x) or (array := _numeric(x)) is None:
+        return jnp.asarray(x, dtype)
+    if isinstance(x, jax.Array) and x.dtype == dtype and not x.weak_type:
+        return x
+    return jax.device_put(np.array(array, dtype))  # a copy, for a user may write to the original
+
+
 def as_real(x: Any) -> jax.Array:
     """An array of the default float type at least: a constant given as 1 is 1.0."""
-    x = jnp.asarray(x)
-    return x if jnp.issubdtype(x.dtype, jnp.inexact) else x.astype(jnp.result_type(float))
+    real = jnp.result_type(float)
+    if isinstance(x, jax.Array) and jnp.issubdtype(x.dtype, jnp.inexact):
+        return x
+    if not is_concrete(x) or (array := _numeric(x)) is None:
+        x = jnp.asarray(x)
+        return x if jnp.issubdtype(x.dtype, jnp.inexact) else x.astype(real)
+    if isinstance(x, float | complex) and not isinstance(x, np.generic):
+        return jax.device_put(x)  # of weak type
+    return jax.device_put(np.array(array, real if array.dtype.kind in "biu" else None))
 
 
 def floats_to_arrays(module: Any) -> None:
@@ -72,12 +133,16 @@ def choice(name: str, value: Any, allowed: Sequence[str]) -> str:
 
 def deformation_gradient(F: Any, dim: int) -> jax.Array:
     """`F` as a (dim, dim) array, refused where its shape is wrong, it is not finite or det F ≤ 0."""
-    F = jnp.asarray(F)
+    given, F = F, as_real(F)
     if F.shape != (dim, dim):
         raise ValueError(f"F must be a ({dim}, {dim}) deformation gradient for this family; got shape {F.shape}")
     if not jnp.issubdtype(F.dtype, jnp.floating):
         F = F.astype(jnp.result_type(float))
-    ok = jnp.isfinite(F).all() & (jnp.linalg.det(F) > 0)
+    if is_concrete(given):
+        value = np.asarray(given, dtype=float)
+        ok = np.isfinite(value).all() and np.linalg.det(value) > 0
+    else:
+        ok = jnp.isfinite(F).all() & (jnp.linalg.det(F) > 0)
     return require(F, ok, "F must be finite with det F > 0 (no inverted or collapsed matter)")
 
 

@@ -10,7 +10,7 @@ from collections.abc import Callable
 import jax.numpy as jnp
 import numpy as np
 
-from ._checks import is_concrete
+from ._checks import is_concrete, namespace, on_device
 from .influence import constant_influence
 from .lattice_arrays import LatticeArrays
 from .neighbours import TIE, Families, Grid, cells_within, checked_influence
@@ -95,42 +95,32 @@ def _of_lattice(body: Points, horizon: float, influence: Callable, arrays: bool)
     reach = np.abs(offsets) < np.array(body.cells)
     offsets = offsets[reach.all(axis=1)]  # a bond longer than the body is nobody's
     real = jnp.result_type(float)
-    delta = jnp.asarray(horizon, dtype=real)
+    delta = np.asarray(horizon, dtype=real)
     vectors = offsets * body.spacing
     made = LatticeArrays(body, offsets, periodic, arrays)
     _refuse_lonely(made.count, horizon)
-    omega = checked_influence(influence, jnp.asarray(np.linalg.norm(vectors, axis=1), dtype=real), delta)
+    omega = checked_influence(influence, np.linalg.norm(vectors, axis=1).astype(real), delta)
     half = len(offsets) // 2
     order = np.concatenate([np.arange(half, len(offsets)), np.arange(half)[::-1]])
     grid = Grid(
         body.cells,
         periodic,
         tuple(tuple(int(x) for x in o) for o in offsets[order]),
-        omega[order],
-        None if body.sites is None else jnp.asarray(body.sites, dtype=jnp.int32),
+        on_device(omega[order]),
+        None if body.sites is None else on_device(body.sites.astype(np.int32)),
         horizon,
         None if arrays else (made.examples, made.patterns[:, order]),
     )
-    volumes, count = jnp.asarray(body.volumes, dtype=real), jnp.asarray(made.count)
+    volumes, count, delta = on_device((body.volumes.astype(real), made.count, delta))
     if not arrays:
         return Families(None, None, None, None, None, volumes, count, delta, body.spacing, body.shape, grid)
     away = np.zeros((1, body.dim))
     away[0, 0] = horizon
-    xi = np.concatenate([vectors, away])[made.offset]  # −1, padding, is the last
-    padded = jnp.concatenate([omega, jnp.ones(1, real)])
-    return Families(
-        jnp.asarray(made.neighbours),
-        jnp.asarray(made.reverse),
-        jnp.asarray(xi, dtype=real),
-        padded[made.offset],
-        jnp.asarray(made.offset >= 0, dtype=real),
-        volumes,
-        count,
-        delta,
-        body.spacing,
-        body.shape,
-        grid,
-    )
+    xi = np.concatenate([vectors, away]).astype(real)[made.offset]  # −1, padding, is the last
+    padded = namespace(omega).concatenate([omega, np.ones(1, real)])[made.offset]
+    weight = (made.offset >= 0).astype(real)
+    neighbours, reverse, xi, padded, weight = on_device((made.neighbours, made.reverse, xi, padded, weight))
+    return Families(neighbours, reverse, xi, padded, weight, volumes, count, delta, body.spacing, body.shape, grid)
 
 
 def pack(body: Points, horizon: float, influence: Callable, directed: tuple[np.ndarray, ...]) -> Families:
@@ -152,17 +142,9 @@ def pack(body: Points, horizon: float, influence: Callable, directed: tuple[np.n
     neighbours[i, slot], reverse[i, slot], xi[i, slot], weight[i, slot] = j, slot[opposite], vectors, 1.0
 
     real = jnp.result_type(float)
-    delta = jnp.asarray(horizon, dtype=real)
-    omega = checked_influence(influence, jnp.asarray(np.linalg.norm(xi, axis=-1), dtype=real), delta)
-    return Families(
-        jnp.asarray(neighbours, dtype=jnp.int32),
-        jnp.asarray(reverse, dtype=jnp.int32),
-        jnp.asarray(xi, dtype=real),
-        omega,
-        jnp.asarray(weight, dtype=real),
-        jnp.asarray(body.volumes, dtype=real),
-        jnp.asarray(count, dtype=jnp.int32),
-        delta,
-        body.spacing,
-        body.shape,
-    )
+    delta = np.asarray(horizon, dtype=real)
+    omega = checked_influence(influence, np.linalg.norm(xi, axis=-1).astype(real), delta)
+    neighbours, reverse, count = on_device(tuple(x.astype(np.int32) for x in (neighbours, reverse, count)))
+    xi, weight, volumes = on_device(tuple(x.astype(real) for x in (xi, weight, body.volumes)))
+    omega, delta = on_device((omega, delta))
+    return Families(neighbours, reverse, xi, omega, weight, volumes, count, delta, body.spacing, body.shape)

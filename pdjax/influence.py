@@ -1,8 +1,9 @@
 """Influence functions ω(r, δ): how much a bond of reference length r counts in a family of horizon δ.
 
-An influence function is any callable of (r, δ) → ω ≥ 0, traced by JAX; being a function of the distance
-alone it is even, ω(ξ) = ω(−ξ), and as symmetric as the lattice. Give it parameters with
-`functools.partial`: they are traced and differentiable too, e.g. `partial(gaussian_influence, width=w)`.
+An influence function is any callable of (r, δ) → ω ≥ 0. It is called once for a family or a body, with NumPy arrays
+where r and δ are known and with JAX arrays where they are traced; operators and functions of jax.numpy take both.
+Being a function of the distance alone it is even, ω(ξ) = ω(−ξ), and as symmetric as the lattice. Give it parameters
+with `functools.partial`: they are traced and differentiable too, e.g. `partial(gaussian_influence, width=w)`.
 
     q = r/δ    constant 1 · inverse distance 1/q · linear 1 − q · Gaussian exp(−(q/width)²)
     cubic spline: 1 − 6q² + 6q³ for q ≤ ½, 2(1 − q)³ beyond (C², zero at the horizon)
@@ -15,37 +16,53 @@ al. 2008 for the partial volumes (LAMMPS).
 """
 
 from collections.abc import Callable
+from typing import Any
 
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
-from ._checks import as_real, check_positive
+from ._checks import as_real, check_positive, namespace, on_host
+
+Lengths = Float[Array | np.ndarray, "..."]
 
 
-def constant_influence(r: Float[Array, "..."], horizon) -> Float[Array, "..."]:
+def _together(r: Lengths, *others: Any) -> tuple[Any, ...]:
+    """(NumPy or jax.numpy, r, the others): NumPy where r is a NumPy array and no value is traced."""
+    if not isinstance(r, np.ndarray):
+        return jnp, r, *others
+    return namespace(others), r, *on_host(others)
+
+
+def constant_influence(r: Lengths, horizon) -> Lengths:
     """ω = 1 [-]; r and horizon in [length]."""
-    return jnp.ones_like(r)
+    xp, r = _together(r)
+    return xp.ones_like(r)
 
 
-def inverse_distance_influence(r: Float[Array, "..."], horizon) -> Float[Array, "..."]:
+def inverse_distance_influence(r: Lengths, horizon) -> Lengths:
     """ω = δ/r [-]; r and horizon in [length]."""
+    _, r, horizon = _together(r, horizon)
     return horizon / r
 
 
-def linear_influence(r: Float[Array, "..."], horizon) -> Float[Array, "..."]:
+def linear_influence(r: Lengths, horizon) -> Lengths:
     """ω = 1 − r/δ [-], zero at the horizon; r and horizon in [length]."""
-    return jnp.maximum(1 - r / horizon, 0)
+    xp, r, horizon = _together(r, horizon)
+    return xp.maximum(1 - r / horizon, 0)
 
 
-def cubic_spline_influence(r: Float[Array, "..."], horizon) -> Float[Array, "..."]:
+def cubic_spline_influence(r: Lengths, horizon) -> Lengths:
     """ω = the cubic B-spline scaled to 1 at r = 0 [-], zero at the horizon; r and horizon in [length]."""
-    q = jnp.minimum(r / horizon, 1)
-    return jnp.where(q <= 0.5, 1 - 6 * q**2 + 6 * q**3, 2 * (1 - q) ** 3)
+    xp, r, horizon = _together(r, horizon)
+    q = xp.minimum(r / horizon, 1)
+    return xp.where(q <= 0.5, 1 - 6 * q**2 + 6 * q**3, 2 * (1 - q) ** 3)
 
 
-def gaussian_influence(r: Float[Array, "..."], horizon, width=0.5) -> Float[Array, "..."]:
+def gaussian_influence(r: Lengths, horizon, width=0.5) -> Lengths:
     """ω = exp(−(r/(width·δ))²) [-], cut off at the horizon; width is a fraction of the horizon [-]."""
-    return jnp.exp(-((r / (width * horizon)) ** 2))
+    xp, r, horizon, width = _together(r, horizon, width)
+    return xp.exp(-((r / (width * horizon)) ** 2))
 
 
 def partial_volume_influence(influence: Callable, spacing) -> Callable:
@@ -62,7 +79,8 @@ def partial_volume_influence(influence: Callable, spacing) -> Callable:
     spacing = as_real(spacing)
     check_positive("spacing", spacing)
 
-    def part_of_volume(r: Float[Array, "..."], horizon) -> Float[Array, "..."]:
-        return influence(r, horizon) * jnp.clip(0.5 + (horizon - r) / spacing, 0, 1)
+    def part_of_volume(r: Lengths, horizon) -> Lengths:
+        xp, r, delta, h = _together(r, horizon, spacing)
+        return influence(r, horizon) * xp.clip(0.5 + (delta - r) / h, 0, 1)
 
     return part_of_volume

@@ -16,11 +16,12 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from ._checks import require
+from ._checks import is_concrete, namespace, on_device, on_host, require
 from .influence import constant_influence
 
 TIE = 1e-9  # relative slack of the horizon
@@ -39,17 +40,28 @@ class Bonds(NamedTuple):
 EACH_BOND = Bonds(0, 0, 0, 0, None)  # type: ignore[arg-type]  # vmap axes: over the bonds of one family, which share δ
 
 
-def checked_influence(influence: Callable, r: Array, horizon) -> Array:
-    """ω of bonds of length r, refused where it is no influence."""
-    omega = jnp.broadcast_to(jnp.asarray(influence(r, horizon), dtype=r.dtype), r.shape)
-    ok = jnp.isfinite(omega).all() & (omega >= 0).all() & (omega > 0).any()
+def checked_influence(influence: Callable, r: np.ndarray | Array, horizon) -> np.ndarray | Array:
+    """ω of bonds of length r, refused where it is no influence; a NumPy array if no value is traced."""
+    with np.errstate(all="ignore"):  # NaN and infinity are refused below
+        omega = influence(r, horizon)
+    xp = namespace(omega)
+    omega = xp.broadcast_to(xp.asarray(omega, dtype=r.dtype), r.shape)
+    ok = xp.isfinite(omega).all() & (omega >= 0).all() & (omega > 0).any()
     name = getattr(influence, "__name__", type(influence).__name__)
     return require(omega, ok, f"influence {name} must be finite, nowhere negative and not zero everywhere")
 
 
-def _weight(weight, shape) -> Array:
-    weight = jnp.broadcast_to(jnp.asarray(weight, dtype=jnp.result_type(float)), shape)
+def _weight(weight, shape) -> np.ndarray | Array:
+    xp = namespace(weight)
+    weight = xp.broadcast_to(xp.array(weight, dtype=jnp.result_type(float)), shape)
     return require(weight, (weight >= 0).all() & (weight <= 1).all(), "bond weights must lie in [0, 1]")
+
+
+def _in_host_memory(*trees: Any) -> bool:
+    """Whether all values are known and none lies on an accelerator: moving the bonds of a body would take longer than
+    compiling a few programs."""
+    arrays = [leaf for leaf in jax.tree.leaves(trees) if isinstance(leaf, jax.Array)]
+    return is_concrete(arrays) and all(d.platform == "cpu" for a in arrays for d in a.devices())
 
 
 class Family(eqx.Module):
@@ -80,17 +92,20 @@ class Family(eqx.Module):
 
     def bonds(self, F: Float[Array, "dim dim"]) -> Bonds:
         """The bonds of the family under the homogeneous deformation x = F X: η = (F − I) ξ."""
-        eta = self.xi @ (F - jnp.eye(self.dim, dtype=F.dtype)).T
-        volume = jnp.broadcast_to(self.spacing**self.dim, self.influence.shape)
-        return Bonds(self.xi, eta, self.influence * self.weight, volume, self.horizon)
+        xp = namespace(self, F)
+        fam, F = on_host((self, F)) if xp is np else (self, F)
+        eta = fam.xi @ (F - xp.eye(fam.dim, dtype=F.dtype)).T
+        volume = xp.broadcast_to(fam.spacing**fam.dim, fam.influence.shape)
+        eta, omega, volume = on_device((eta, fam.influence * fam.weight, volume))
+        return Bonds(self.xi, eta, omega, volume, self.horizon)
 
     def with_weight(self, weight: Float[Array, " bonds"]) -> "Family":
         """The family with bond weights β ∈ [0, 1]; opposite bonds must weigh the same (one bond, two ends)."""
-        weight = _weight(weight, self.influence.shape)
-        half = weight.shape[0] // 2
-        even = jnp.abs(weight[:half] - weight[half:]) <= 1e-12
-        weight = require(weight, even, "weights of a lattice family must be even: weight[b] == weight[b + bonds/2]")
-        return Family(self.xi, self.influence, weight, self.horizon, self.spacing, cubic=False)
+        checked = _weight(weight, self.influence.shape)
+        half = checked.shape[0] // 2
+        even = abs(checked[:half] - checked[half:]) <= 1e-12
+        checked = require(checked, even, "weights of a lattice family must be even: weight[b] == weight[b + bonds/2]")
+        return Family(self.xi, self.influence, on_device(checked), self.horizon, self.spacing, cubic=False)
 
 
 def cells_within(dim: int, N: float) -> np.ndarray:
@@ -111,17 +126,19 @@ def lattice_family(dim: int, N: float, spacing=1.0, influence: Callable = consta
     """
     if dim not in (1, 2, 3):
         raise ValueError(f"dim must be 1, 2 or 3; got {dim!r}")
-    if not (math.isfinite(N) and N * (1 + TIE) >= 1):
+    if not (math.isfinite(N) and float(N) * (1 + TIE) >= 1):
         raise ValueError(f"N (horizon / spacing) must be finite and >= 1, or a family has no bonds; got {N}")
-    spacing = jnp.asarray(spacing, dtype=jnp.result_type(float))
-    spacing = require(spacing, jnp.isfinite(spacing) & (spacing > 0), f"spacing must be finite and > 0; got {spacing}")
+    N = float(N)
+    xp = namespace(spacing)
+    spacing = xp.asarray(spacing, dtype=jnp.result_type(float))
+    spacing = require(spacing, xp.isfinite(spacing) & (spacing > 0), f"spacing must be finite and > 0; got {spacing}")
     cells = cells_within(dim, N)
     first = cells[len(cells) // 2 :]  # lexicographic order: the second half is the mirror of the first
     first = first[np.lexsort((*first.T[::-1], (first**2).sum(axis=1)))]
-    xi = jnp.asarray(np.concatenate([first, -first]), dtype=spacing.dtype) * spacing
+    xi = np.concatenate([first, -first]).astype(spacing.dtype) * spacing
     horizon = N * spacing
-    omega = checked_influence(influence, jnp.linalg.norm(xi, axis=1), horizon)
-    return Family(xi, omega, jnp.ones_like(omega), horizon, spacing)
+    omega = checked_influence(influence, xp.linalg.norm(xi, axis=1), horizon)
+    return Family(*on_device((xi, omega, np.ones(omega.shape, omega.dtype), horizon, spacing)))
 
 
 class Grid(eqx.Module):
@@ -178,11 +195,14 @@ class Families(eqx.Module):
     def bonds(self, u: Float[Array, "points dim"], F: Float[Array, "dim dim"] | None = None) -> Bonds:
         """All bonds under the displacement u [length] on top of the mean deformation F (None: identity)."""
         self.need_arrays()
-        eta = u[self.neighbours] - u[:, None, :]
+        xp = np if _in_host_memory(self, u, F) else jnp
+        fams, u, F = on_host((self, u, F)) if xp is np else (self, u, F)
+        eta: Any = u[fams.neighbours] - u[:, None, :]
         if F is not None:
-            eta = eta + self.xi @ (F - jnp.eye(self.dim, dtype=self.xi.dtype)).T
-        horizon = jnp.broadcast_to(self.horizon, (len(self),))
-        return Bonds(self.xi, eta, self.influence * self.weight, self.volumes[self.neighbours], horizon)
+            eta = eta + fams.xi @ (F - xp.eye(fams.dim, dtype=fams.xi.dtype)).T
+        horizon = xp.broadcast_to(fams.horizon, (len(fams),))
+        omega, volume = fams.influence * fams.weight, fams.volumes[fams.neighbours]
+        return Bonds(self.xi, *on_device((eta, omega, volume, horizon)))
 
     def need_arrays(self) -> None:
         """Refuse families without arrays."""
@@ -201,6 +221,7 @@ class Families(eqx.Module):
     def with_weight(self, weight: Float[Array, "points bonds"]) -> "Families":
         """The families with bond weights β ∈ [0, 1] times the present ones (padding stays 0)."""
         self.need_arrays()
-        weight = _weight(weight, self.weight.shape)
+        factor = _weight(weight, self.weight.shape)
+        product = (on_host(self.weight) if _in_host_memory(self.weight, factor) else self.weight) * factor
         lost = eqx.tree_at(lambda f: f.grid, self, None, is_leaf=lambda x: x is None)
-        return eqx.tree_at(lambda f: f.weight, lost, self.weight * weight)
+        return eqx.tree_at(lambda f: f.weight, lost, on_device(product))
