@@ -1,5 +1,12 @@
-"""Float64 for every test, shapes and types checked at every call, and one compiled cache of JAX functions."""
+"""Float64 for every test, shapes and types checked at every call, and one folder of compiled programs for all workers.
 
+Most of the tests' time is compiling. What one worker, notebook or command has compiled, the others read from the
+folder; it is made by the process that starts the workers, named in the environment that they inherit, and removed at
+the end. A folder named in JAX_COMPILATION_CACHE_DIR is used instead and stays.
+"""
+
+import os
+import tempfile
 from pathlib import Path
 
 import jax
@@ -7,10 +14,27 @@ import pytest
 from hypothesis import settings
 from jaxtyping import install_import_hook
 
+FOLDER = None
+if "JAX_COMPILATION_CACHE_DIR" not in os.environ:
+    FOLDER = tempfile.TemporaryDirectory(prefix="pdjax-tests-", ignore_cleanup_errors=True)
+    for name, value in {
+        "jax_compilation_cache_dir": FOLDER.name,
+        "jax_persistent_cache_min_compile_time_secs": 0,
+        "jax_persistent_cache_min_entry_size_bytes": -1,
+    }.items():
+        os.environ[name.upper()] = str(value)
+        jax.config.update(name, value)
+
 jax.config.update("jax_enable_x64", True)
 install_import_hook("pdjax", "typecheck.checked")  # before pdjax is imported anywhere
 settings.register_profile("pdjax", deadline=None, max_examples=20, derandomize=True)
 settings.load_profile("pdjax")
+
+
+def pytest_unconfigure():
+    """Remove the folder where it was made."""
+    if FOLDER is not None:
+        FOLDER.cleanup()
 
 
 @pytest.fixture(scope="module", autouse=True)
