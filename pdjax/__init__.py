@@ -14,7 +14,6 @@ from . import _xla as _xla
 from . import closed_forms, observers, scenes
 from .atlas import Atlas, model_atlas, zero_energy_waves
 from .bench.advice import advise
-from .bloch import center_block, p_wave_modulus, symbol
 from .cells import CellStability, cell_families, cell_stability, cell_symbol, relaxed
 from .compilation_cache import use_compilation_cache
 from .conditions import body_force, homogeneous_traction, prescribe, total_force
@@ -55,6 +54,7 @@ from .influence import (
     partial_volume_influence,
 )
 from .kinematics import bond_average_strain, local_strain, log_stretch, shape_tensor_K, shape_tensor_L
+from .lattice_states import center_block, p_wave_modulus, symbol
 from .laws import EnergyLaw, Law, LinearElastic, NeoHookean
 from .maps import StabilityMap, stability_map
 from .models import (

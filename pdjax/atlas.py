@@ -28,7 +28,9 @@ import numpy as np
 
 from ._checks import choice, writable, written_whole
 from ._progress import progress
-from .bloch import homogeneous_tangent, p_wave_modulus, wave_phases
+from .bloch import homogeneous_tangent, modulus_at_rest, wave_phases
+from .climb import climb
+from .cosine_series import Series, entries, forms, on_grid, packed, reached, rings_of, series
 from .criteria import check_at_rest, evaluate, family_zone, margin_tolerance
 from .evaluate import force_operator
 from .family_search import families
@@ -39,7 +41,7 @@ from .models.correspondence import Correspondence
 from .neighbours import Family, lattice_family
 from .paths import PATHS
 from .points import lattice
-from .zone import Zone, largest_eigenvalue, nudge, refine, top_pair
+from .zone import brillouin_zone, largest_eigenvalue, nudge
 
 LAW = "law"
 BATCH, SMALLEST, AT_ONCE = 16, 1e-6, 1e-4
@@ -135,36 +137,35 @@ def critical(model: AbstractModel, fam: Family, path, side: str, criterion: str 
 
 
 @eqx.filter_jit
-def _zero_search(model: AbstractModel, fam: Family, zone: Zone):
+def _zero_search(model: AbstractModel, fam: Family, intervals: int, symmetry: str):
     """(wave vectors [1/spacing], quotients): the best grid points and where they climb to, at rest."""
-    I = jnp.eye(fam.dim, dtype=fam.xi.dtype)
-    tangent, M, h = homogeneous_tangent(model, fam, I), p_wave_modulus(model, fam), fam.spacing
-    table = wave_phases(fam, jnp.asarray(zone.grid, h.dtype) / h)
-    screen = largest_eigenvalue(tangent.components(table)) / (M * table.kappa2)
+    dim, bonds, zone = fam.dim, len(fam.influence), brillouin_zone(fam.dim, intervals, symmetry)
+    tangent = homogeneous_tangent(model, fam, jnp.eye(dim, dtype=fam.xi.dtype))
+    offsets = reached(dim, bonds, rings_of(tangent))
+    blocks = packed(series(tangent, dim, bonds)) * fam.spacing**2 / modulus_at_rest(model, fam)
+    grid = jnp.asarray(zone.grid, fam.xi.dtype)
+    values = on_grid(blocks, offsets, list(zone.axes)).reshape(blocks.shape[1], -1)[:, zone.places]
+    screen = largest_eigenvalue(entries(values, dim)) / jnp.sum(4 * jnp.sin(grid / 2) ** 2, axis=1)
     count = min(len(zone.grid), 64)
-    starts = jnp.asarray(zone.grid, h.dtype)[jnp.argsort(-screen)[:count]]
-
-    def quotient(x):
-        phases = wave_phases(fam, x / h)
-        J = tangent(phases)
-        return (J + J.T) / 2 / (M * phases.kappa2)
-
-    move = 0.3 * jnp.asarray(nudge(fam.dim, zone.step), h.dtype)
-    climbed = jax.vmap(lambda x: refine(quotient, x + move, zone.step))(starts)
-    points = jnp.concatenate([starts, climbed])
-    return points, jax.vmap(lambda x: top_pair(quotient(x))[0])(points)
+    chosen = jnp.argsort(-screen)[:count]
+    starts = grid[chosen][None]
+    sums, wave = Series.of(blocks[None], offsets), np.zeros(count, bool)
+    begin = starts + 0.3 * jnp.asarray(nudge(dim, zone.step), fam.xi.dtype)
+    vectors = jnp.linalg.eigh(forms(sums, begin, wave, wave).A)[1][..., -1]
+    climbed, _, quotients = climb(lambda x: forms(sums, x, wave, wave), begin, vectors, zone.step)
+    return jnp.concatenate([starts, climbed], axis=1)[0], jnp.concatenate([screen[chosen], quotients[0]])
 
 
 def zero_energy_waves(model: AbstractModel, fam: Family) -> np.ndarray:
     """Wave vectors (waves, dim) [π/h] at which the resting lattice resists nothing, one of each set that its symmetry
     makes the same: as far as a search from 64 starts finds them."""
-    zone = family_zone(fam, "cubic" if fam.cubic and model.isotropic else "inversion", GRID[fam.dim] * fam.reach)
-    points, values = (np.asarray(x) for x in _zero_search(model, fam, zone))
+    symmetry = "cubic" if fam.cubic and model.isotropic else "inversion"
+    points, values = (np.asarray(x) for x in _zero_search(model, fam, GRID[fam.dim] * fam.reach, symmetry))
     tolerance = 100 * float(margin_tolerance(points.dtype))
     found = points[np.abs(values) <= tolerance] / np.pi
     found = found - 2 * np.round(found / 2)
     found = found[np.linalg.norm(found, axis=1) > 0.05]  # k → 0 is no mode
-    if zone.symmetry == "cubic":
+    if symmetry == "cubic":
         folded = -np.sort(-np.abs(found), axis=1)
     else:  # a wave and its mirror image are one
         sign = np.sign(found[np.arange(len(found)), np.argmax(np.abs(found) > 1e-6, axis=1)])

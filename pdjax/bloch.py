@@ -34,8 +34,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ._checks import deformation_gradient, require
-from .force import affine_stress, check_model
+from .force import affine_stress
 from .linearise import TwoStage, family_tangent, linearise_states, linearise_two_stage
 from .models.base import AbstractModel, PointStateModel, TwoStageModel
 from .neighbours import Family
@@ -178,40 +177,8 @@ def homogeneous_tangent(model: AbstractModel, fam: Family, F: Float[Array, "dim 
     return DenseTangent(same + cross + back + mirror, same - cross - back + mirror)
 
 
-def symbol(model: AbstractModel, fam: Family, F, k) -> Float[Array, "*waves dim dim"]:
-    """Ĵ(k), the exact Jacobian of the infinite lattice on the plane wave e^{ik·X}.
-
-    Arguments: F (dim, dim) [-], det F > 0; k (..., dim) [1/length], any number of wave vectors.
-    Returns: (..., dim, dim) real [force/length^(dim+1)]; symmetric for hyperelastic models, zero at k = 0.
-    Raises: ValueError for det F ≤ 0, NaN in k, a k of the wrong dimension, a singular family.
-    """
-    check_model(model, fam, Family)
-    F = deformation_gradient(F, fam.dim)
-    k = jnp.asarray(k, dtype=F.dtype)
-    if k.ndim == 0 or k.shape[-1] != fam.dim:
-        raise ValueError(f"k must have shape (..., {fam.dim}) for this family; got {k.shape}")
-    k = require(k, jnp.isfinite(k), "k must be finite")
-    return _symbol(model, fam, F, k)
-
-
-@eqx.filter_jit
-def _symbol(model: AbstractModel, fam: Family, F: Array, k: Array) -> Array:
-    return homogeneous_tangent(model, fam, F)(wave_phases(fam, k))
-
-
-def center_block(model: AbstractModel, fam: Family, F) -> Float[Array, "dim dim"]:
-    """D = ∂f(X)/∂x(X): the Jacobian's block at the point itself, on an infinite lattice under x = F X.
-
-    D = Σ_ξ V [−(Σ_ζ C_ξζ) − C_ξξ]: its own bonds all move by −e, and in each neighbour's family one bond moves by +e.
-    It is the mean of the symbol over the Brillouin zone.
-    Arguments: F (dim, dim).  Returns: (dim, dim) [force/length^(dim+1)].  Raises: as `force_state`.
-    """
-    check_model(model, fam, Family)
-    return block_at_center(model, fam, deformation_gradient(F, fam.dim))
-
-
 def block_at_center(model: AbstractModel, fam: Family, F: Float[Array, "dim dim"]) -> Float[Array, "dim dim"]:
-    """`center_block` unchecked, for drivers to trace."""
+    """∂f(X)/∂x(X) on an infinite lattice under x = F X (`pdjax.center_block`), unchecked, for drivers to trace."""
     bonds = fam.bonds(F)
     if isinstance(model, TwoStageModel):  # the mean of the symbol: exact, for no harmonic is higher than 3N
         waves = np.stack(np.meshgrid(*[np.arange(3 * fam.reach + 1)] * fam.dim, indexing="ij"), axis=-1)
@@ -228,14 +195,9 @@ def block_at_center(model: AbstractModel, fam: Family, F: Float[Array, "dim dim"
     return -own - jnp.einsum("b,bibj->ij", bonds.volume, C)
 
 
-def p_wave_modulus(model: AbstractModel, fam: Family) -> Float[Array, ""]:
-    """M = ∂P₁₁/∂F₁₁ at F = I [pressure]: the law's λ + 2μ, as the model on this family has it."""
-    check_model(model, fam, Family)
-    return _modulus(model, fam)
-
-
 @eqx.filter_jit
-def _modulus(model: AbstractModel, fam: Family) -> Array:
+def modulus_at_rest(model: AbstractModel, fam: Family) -> Float[Array, ""]:
+    """M = ∂P₁₁/∂F₁₁ at F = I [pressure], unchecked, for drivers to trace."""
     I = jnp.eye(fam.dim, dtype=fam.xi.dtype)
     axial = jnp.zeros_like(I).at[0, 0].set(1)
     return jax.jvp(lambda F: affine_stress(model, fam, F), (I,), (axial,))[1][0, 0]

@@ -13,7 +13,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from ._checks import deformation_gradient, is_concrete, require
-from .bloch import homogeneous_tangent, p_wave_modulus, wave_phases
+from .bloch import homogeneous_tangent, modulus_at_rest, wave_phases
 from .criteria.outcome import margin_tolerance
 from .force import check_model
 from .models.base import AbstractModel
@@ -49,7 +49,7 @@ def _dispersion(model: AbstractModel, fam: Family, F: Array, k: Array, density: 
     value, mode = jnp.linalg.eigh((J + J.mT) / 2)
     value, mode = value[:, ::-1], mode[:, :, ::-1]
     kappa2 = wave_phases(fam, k).kappa2
-    scale = p_wave_modulus(model, fam) * kappa2[:, None]
+    scale = modulus_at_rest(model, fam) * kappa2[:, None]
     still = jnp.abs(value) <= margin_tolerance(value.dtype) * scale
     square = jnp.where(still, 0.0, -value / density)
 

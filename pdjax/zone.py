@@ -6,22 +6,20 @@
 2. **Starts**: the best grid point nearest to each half-reciprocal point (for each sign of k), so that a narrow
    maximum by one of them is not hidden by a higher one elsewhere; moved off the grid, for half-reciprocal points are
    stationary by symmetry and may be saddles.
-3. **Refinement**: maximise eᵀA(k)e / eᵀe over k and e together: smooth even where eigenvalues cross, which λ_max(k) is
-   not. BFGS (optimistix) on exact derivatives, all starts batched.
+3. **Refinement**: maximise eᵀA(k)e / eᵀe over k and e together, which is smooth even where eigenvalues cross, by
+   damped Newton steps on exact derivatives, all starts batched (`pdjax.climb`).
 4. **Decision**: `eigh` at the best point found, on the grid or off it.
 
 The limit k → 0 is searched the same way over directions.
 """
 
-from collections.abc import Callable
 from functools import lru_cache
 from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-import optimistix as optx
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
 SYMMETRIES = ("cubic", "tetragonal", "orthorhombic", "inversion")
 
@@ -31,6 +29,8 @@ class Zone(NamedTuple):
 
     grid: np.ndarray  # (waves, dim)
     members: np.ndarray  # (classes, most) indices of the grid points of each class, padded with its first
+    axes: tuple[np.ndarray, ...]  # components along each axis of the box that the grid is a part of
+    places: np.ndarray  # (waves,) where the grid points stand in the flattened box
     step: float
     intervals: int
     symmetry: str
@@ -52,10 +52,11 @@ def brillouin_zone(dim: int, intervals: int, symmetry: str = "inversion") -> Zon
     whole = np.arange(-intervals + 1, intervals + 1) if symmetry == "inversion" else steps
     axes = [steps] + [whole] * (dim - 1)
     index = np.stack([g.reshape(-1) for g in np.meshgrid(*axes, indexing="ij")], axis=1)
+    kept = (index != 0).any(axis=1)
     ordered = {"cubic": index, "tetragonal": index[:, 1:]}.get(symmetry)
     if ordered is not None and ordered.shape[1] > 1:
-        index = index[(np.diff(ordered, axis=1) <= 0).all(axis=1)]
-    index = index[(index != 0).any(axis=1)]
+        kept &= (np.diff(ordered, axis=1) <= 0).all(axis=1)
+    places, index = np.flatnonzero(kept).astype(np.int32), index[kept]
     nearest = (2 * np.abs(index) > intervals).astype(int)
     sign = np.where(np.abs(index) % intervals == 0, 0, np.sign(index))
     _, labels = np.unique(np.concatenate([nearest, sign < 0], axis=1), axis=0, return_inverse=True)
@@ -64,7 +65,8 @@ def brillouin_zone(dim: int, intervals: int, symmetry: str = "inversion") -> Zon
     members = np.stack([np.concatenate([g, np.full(most - len(g), g[0])]) for g in groups])
     members = members.astype(np.int32)  # jax 0.10 keeps an int64 constant of a float64 run and fails in float32 on it
     step = np.pi / intervals
-    return Zone(np.pi * (index / intervals), members, step, intervals, symmetry)  # π exactly at the corners
+    scaled = tuple(np.pi * (axis / intervals) for axis in axes)  # π exactly at the corners
+    return Zone(np.pi * (index / intervals), members, scaled, places, step, intervals, symmetry)
 
 
 def half_reciprocal_points(dim: int) -> np.ndarray:
@@ -110,37 +112,12 @@ def top_pair(A: Float[Array, "dim dim"]) -> tuple[Array, Array]:
     return values[-1], vectors[:, -1]
 
 
-def class_starts(zone: Zone, screen: Float[Array, " waves"]) -> Float[Array, "classes dim"]:
-    """The best grid point of every class [1/spacing]."""
+def class_best(zone: Zone, screen: Float[Array, " waves"]) -> Int[Array, " classes"]:
+    """The number of the best grid point of every class."""
     best = jnp.argmax(screen[zone.members], axis=1)
-    chosen = jnp.take_along_axis(jnp.asarray(zone.members), best[:, None], axis=1)[:, 0]
-    return jnp.asarray(zone.grid, dtype=screen.dtype)[chosen]
+    return jnp.take_along_axis(jnp.asarray(zone.members), best[:, None], axis=1)[:, 0]
 
 
 def nudge(dim: int, step: float) -> np.ndarray:
     """A small move in general position, off whatever symmetry a grid point has."""
     return step * np.array([0.29, 0.17, 0.11])[:dim]
-
-
-def refine(
-    matrix: Callable[[Array], Array], start: Float[Array, " dim"], reach: float, steps: int = 40
-) -> Float[Array, " dim"]:
-    """Climb λ_max(matrix(x)) from `start` by BFGS on the joint quotient over x and the vector.
-
-    The quotient is scaled so that the first step, along the gradient, is half of `reach` long: it neither leaves the
-    neighbourhood nor creeps, whatever the size of the margins, which at tiny loads are tiny.
-    """
-    dim = start.shape[0]
-    _, e = top_pair(matrix(start))
-
-    def quotient(y, scale):
-        x, v = y[:dim], y[dim:]
-        return -(v @ matrix(x) @ v) / (v @ v) * scale
-
-    y = jnp.concatenate([start, e])
-    slope = jnp.linalg.norm(jax.grad(quotient)(y, 1.0))
-    scale = 0.5 * reach / jnp.maximum(slope, jnp.finfo(start.dtype).tiny ** 0.5)
-    tolerance = float(jnp.finfo(start.dtype).eps) ** 0.75
-    solver: optx.BFGS = optx.BFGS(rtol=tolerance, atol=tolerance)
-    found = optx.minimise(quotient, solver, y, args=scale, max_steps=steps, throw=False).value[:dim]
-    return jnp.where(jnp.isfinite(found).all(), found, start)

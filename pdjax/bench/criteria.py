@@ -16,7 +16,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ..bloch import homogeneous_tangent, p_wave_modulus, wave_phases
+from ..bloch import homogeneous_tangent, modulus_at_rest, wave_phases
 from ..criteria.body_critical import body_critical_load
 from ..criteria.critical import critical_load
 from ..laws import LinearElastic
@@ -75,7 +75,7 @@ def grid(case: str, intervals: int) -> dict:
         phases = wave_phases(fam, jnp.asarray(zone.grid))
         F = uniaxial_strain(a, of, fam)
         top = largest_eigenvalue(homogeneous_tangent(of, fam, F).components(phases))
-        return jnp.max(top / phases.kappa2) / p_wave_modulus(of, fam)
+        return jnp.max(top / phases.kappa2) / modulus_at_rest(of, fam)
 
     def bisected() -> float:
         stable, unstable = 0.0, 1.2 * exact(case)

@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..bloch import p_wave_modulus
+from ..bloch import modulus_at_rest
 from ..linearise import linearise_states
 from ..models.base import AbstractModel, PointStateModel
 from ..neighbours import Bonds, Family
@@ -47,7 +47,7 @@ def continuum(model: AbstractModel, fam: Family, F: Float[Array, "dim dim"], at=
     omega: Array = jnp.asarray(weights, dtype=fam.xi.dtype)
     bonds = Bonds(xi, xi @ (F - jnp.eye(fam.dim, dtype=F.dtype)).T, omega, jnp.ones_like(omega), jnp.ones((), xi.dtype))
     value, mode = decide(-2 * jnp.sum(linearise_states(model, bonds).B, axis=0), at)
-    unit = p_wave_modulus(model, fam)
+    unit = modulus_at_rest(model, fam)
     still, held, fixed = jax.lax.stop_gradient((model, bonds, unit))
     tension = jnp.linalg.norm(still.force_state(held), axis=1) / jnp.linalg.norm(held.xi + held.eta, axis=1)
     scale = 2 * jnp.sum(tension) / fixed  # of the terms that cancel where Γ(m) = 0

@@ -13,10 +13,11 @@ on the CPU alone.
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Complex, Float
 
-from ..bloch import Phases, Tangent, long_wave_phases, wave_phases
-from ..neighbours import Family
+from ..bloch import Phases, Tangent
+from ..cosine_series import on_grid
 from ..zone import Zone, directions
 
 REAL = 1e-7
@@ -42,15 +43,17 @@ def _pair(J: Float[Array, "dim dim"]) -> tuple[Array, Array]:
     return right[:, which], jnp.linalg.inv(right)[which]
 
 
-def search(tangent: Tangent, M: Array, fam: Family, zone: Zone) -> tuple[tuple, tuple, Array]:
+def search(
+    blocks: Float[Array, "offsets dim dim"], offsets: np.ndarray, zone: Zone
+) -> tuple[tuple, tuple, Array]:
     """Where the margin is, (wave x [1/spacing], is it the limit k → 0, right and left vectors); where γ² itself is
-    largest, (wave, right, left); the largest |quotient| on the grid."""
-    h = fam.spacing
-    grid = jnp.asarray(zone.grid, dtype=h.dtype)
-    compass = jnp.asarray(directions(fam.dim), dtype=h.dtype)
-    short, long = wave_phases(fam, grid / h), long_wave_phases(fam, compass)
-    J = jnp.concatenate([tangent(short), tangent(long)])
-    unit = M * jnp.concatenate([short.kappa2, long.kappa2])
+    largest, (wave, right, left); the largest |quotient| on the grid. `blocks`: the cosine series in units of M/h²."""
+    dim, real = offsets.shape[1], blocks.dtype
+    grid, compass = jnp.asarray(zone.grid, real), jnp.asarray(directions(dim), real)
+    short = on_grid(blocks.reshape(len(offsets), -1), offsets, list(zone.axes)).reshape(dim * dim, -1)[:, zone.places]
+    long = -((compass @ jnp.asarray(offsets, real).T) ** 2) @ blocks.reshape(len(offsets), -1)
+    J = jnp.concatenate([short.T, long]).reshape(-1, dim, dim)
+    unit = jnp.concatenate([jnp.sum(4 * jnp.sin(grid / 2) ** 2, axis=1), jnp.ones(len(compass), real)])
     square = _fastest(J)
     square = jnp.where(jnp.isnan(square), -jnp.inf, square)
     screen = square / unit

@@ -16,7 +16,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..bloch import block_at_center, p_wave_modulus
+from ..bloch import block_at_center, modulus_at_rest
 from ..kinematics import shape_tensor_K
 from ..linearise import family_tangent
 from ..models.base import AbstractModel
@@ -25,7 +25,7 @@ from .outcome import Outcome, decide
 
 
 def _block_unit(model: AbstractModel, fam: Family) -> Array:
-    return p_wave_modulus(model, fam) * 2 * fam.dim / fam.spacing**2
+    return modulus_at_rest(model, fam) * 2 * fam.dim / fam.spacing**2
 
 
 def diagonal(model: AbstractModel, fam: Family, F: Float[Array, "dim dim"], at=None) -> Outcome:
@@ -47,7 +47,7 @@ def _work(model: AbstractModel, fam: Family, F) -> tuple[Bonds, Array, Array]:
     """(bonds, V C, unit): the quadratic form dT·dY of the family and the scale of its quotient."""
     bonds = fam.bonds(F)
     VC = bonds.volume[:, None, None, None] * family_tangent(model, bonds)
-    return bonds, VC, shape_tensor_K(bonds)[0, 0] / p_wave_modulus(model, fam)
+    return bonds, VC, shape_tensor_K(bonds)[0, 0] / modulus_at_rest(model, fam)
 
 
 def material_center(model: AbstractModel, fam: Family, F: Float[Array, "dim dim"], at=None) -> Outcome:

@@ -1,25 +1,110 @@
-"""Tests by waves: the symbol over the whole Brillouin zone, and acoustic tensors.
+"""The criteria that look at waves, short or long.
 
-    symbol   sup over k, the limit k → 0 included, of λ_max(Ĵ(k)) / (M κ²): exact and decisive on an infinite lattice
+    symbol   sup over the Brillouin zone, k → 0 included, of λ_max(Ĵ(k)) / (M κ²): exact and decisive on an infinite lattice
     affine   −min over N of the acoustic tensor N·∂²W(F)·N of the energy of affine maps, over M: the limit k → 0
     local    the same of the classical law at this F; differs from affine for Seth–Hill unless m = 1
 
-The maximiser is searched with derivatives stopped (`pdjax.zone`); the margin is then the quotient at that wave
-vector and mode, so its derivative in any parameter is vᵀ(∂Ĵ)v: the envelope theorem. A model without an energy is
-judged by the growth of its modes instead (`flutter`).
+The maximiser is searched with derivatives stopped (`search`, on the cosine series of the symbol); the margin is then
+the quotient at that wave vector and mode, so its derivative in any parameter is vᵀ(∂Ĵ)v: the envelope theorem. A
+model without an energy is judged by the growth of its modes instead (`flutter`).
 """
+
+import math
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+import numpy as np
+from jaxtyping import Array, Bool, Float
 
-from ..bloch import Phases, Tangent, homogeneous_tangent, long_wave_phases, p_wave_modulus, wave_phases
+from ..bloch import Phases, homogeneous_tangent, long_wave_phases, modulus_at_rest, wave_phases
+from ..climb import climb
+from ..cosine_series import Forms, Series, entries, forms, on_grid, packed, reached, rings_of, series, upper
 from ..force import affine_stress
 from ..models.base import AbstractModel
 from ..neighbours import Family
-from ..zone import Zone, class_starts, directions, largest_eigenvalue, nudge, refine, top_pair
+from ..zone import Zone, class_best, directions, largest_eigenvalue, nudge, top_pair
 from . import flutter
 from .outcome import Outcome, margin_tolerance
+
+
+GROUP = {1: 16, 2: 16, 3: 4}  # states whose starts climb together: the more, the fewer steps; the fewer, the less idle
+
+
+class Found(NamedTuple):
+    """Where searches of many states ended: the wave x [1/spacing] (or the direction of the limit k → 0) and the mode
+    of the largest quotient, those of the largest eigenvalue, and the largest |quotient| on the grid."""
+
+    x: Float[Array, "states dim"]
+    is_long: Bool[Array, " states"]
+    mode: Float[Array, "states dim"]
+    fast_x: Float[Array, "states dim"]
+    fast_mode: Float[Array, "states dim"]
+    scale: Float[Array, " states"]
+
+
+def _screen(blocks: Float[Array, "offsets p"], offsets: np.ndarray, zone: Zone) -> tuple[Array, Array, Array]:
+    """Of one state: starts (lanes, dim), Ĵ there (lanes, p), and the largest |quotient| on the grid. The starts are the
+    best wave of every class, the best direction of the limit, and the wave of the largest eigenvalue."""
+    dim, real = offsets.shape[1], blocks.dtype
+    grid = jnp.asarray(zone.grid, real)
+    values = on_grid(blocks, offsets, list(zone.axes)).reshape(blocks.shape[1], -1)[:, zone.places]
+    top = largest_eigenvalue(entries(values, dim))
+    screen = top / jnp.sum(4 * jnp.sin(grid / 2) ** 2, axis=1)
+    compass = directions(dim)
+    rows, columns = np.triu_indices(dim)
+    pairs = compass[:, rows] * compass[:, columns] * np.where(rows == columns, 1, 2)
+    fourth = jnp.asarray(offsets[:, rows] * offsets[:, columns], real).T @ blocks
+    long = -(jnp.asarray(pairs, real) @ fourth)
+    way = jnp.argmax(largest_eigenvalue(entries(long.T, dim)))
+    waves = jnp.append(class_best(zone, screen), jnp.argmax(top))
+    starts = jnp.concatenate([grid[waves], jnp.asarray(compass, real)[way][None]])
+    return starts, jnp.concatenate([values[:, waves].T, long[way][None]]), jnp.max(jnp.abs(screen))
+
+
+def search(blocks: Float[Array, "states offsets p"], count: Any, offsets: np.ndarray, zone: Zone) -> Found:
+    """Search the zone of the first `count` states; the rest is padding, whose result means nothing.
+
+    blocks: the cosine series of every state in units of M/h² (`packed`).
+    """
+    states, dim, real = blocks.shape[0], offsets.shape[1], blocks.dtype
+    group = math.gcd(states, GROUP[dim])
+
+    def one_group(i, found):
+        some = jax.lax.dynamic_slice_in_dim(blocks, i * group, group)
+        new = _search_group(some, jnp.minimum(group, count - i * group), offsets, zone)
+        return jax.tree.map(lambda x, y: jax.lax.dynamic_update_slice_in_dim(x, y, i * group, 0), found, new)
+
+    vector, flag = jnp.zeros((states, dim), real), jnp.zeros(states, bool)
+    blank = Found(vector, flag, vector, vector, vector, jnp.zeros(states, real))
+    return jax.lax.fori_loop(0, -(-count // group), one_group, blank)
+
+
+def _search_group(blocks: Float[Array, "states offsets p"], count: Any, offsets: np.ndarray, zone: Zone) -> Found:
+    """`search` of a few states, all starts of which climb in one batch."""
+    states, real, dim = blocks.shape[0], blocks.dtype, offsets.shape[1]
+    lanes = len(zone.members) + 2
+    bare, long = np.arange(lanes) == lanes - 2, np.arange(lanes) == lanes - 1
+
+    def screened(i, made):
+        return tuple(x.at[i].set(y) for x, y in zip(made, _screen(blocks[i], offsets, zone), strict=True))
+
+    blank = jnp.ones((states, lanes, dim), real), jnp.zeros((states, lanes, blocks.shape[2]), real)
+    starts, at, scale = jax.lax.fori_loop(0, count, screened, (*blank, jnp.zeros(states, real)))
+    _, place = upper(dim)
+    values, vectors = jnp.linalg.eigh(at[..., place])
+    kappa2 = jnp.where(bare, 1.0, jnp.where(long[:, None], starts**2, 4 * jnp.sin(starts / 2) ** 2).sum(axis=-1))
+    sums = Series.of(blocks, offsets)
+    begin = starts + jnp.asarray(nudge(dim, zone.step), real)
+    climbed = climb(lambda x: forms(sums, x, long, bare), begin, vectors[..., -1], zone.step)
+    x, v, q = (
+        jnp.concatenate(both, axis=1)
+        for both in zip((starts, vectors[..., -1], values[..., -1] / kappa2), climbed, strict=True)
+    )
+    q, bare = jnp.where(jnp.isnan(q), -jnp.inf, q), np.tile(bare, 2)
+    best, fast = (jnp.argmax(jnp.where(out, -jnp.inf, q), axis=1) for out in (bare, ~bare))
+    row = jnp.arange(states)
+    return Found(x[row, best], jnp.asarray(np.tile(long, 2))[best], v[row, best], x[row, fast], v[row, fast], scale)
 
 
 def _pick(condition, if_true: Phases, if_false: Phases) -> Phases:
@@ -37,60 +122,29 @@ def _phases_at(fam: Family, x: Array, is_long: Array) -> Phases:
     return _pick(is_long, long_wave_phases(fam, x), wave_phases(fam, x / fam.spacing))
 
 
-def _search(tangent: Tangent, M: Array, fam: Family, zone: Zone, fastest: bool):
-    """(margin's (x, is_long, mode), the fastest growing (x, mode) or None, the largest |quotient| on the grid).
-
-    All starts, of every kind, climb in one batch: a wave of every class for the margin, the best direction of the
-    limit, and (`fastest`) the best wave for the largest eigenvalue itself.
-    """
-    h, dim = fam.spacing, fam.dim
-    grid = jnp.asarray(zone.grid, dtype=h.dtype)
-    table = wave_phases(fam, grid / h)
-    top = largest_eigenvalue(tangent.components(table))
-    screen = top / (M * table.kappa2)
-    compass = jnp.asarray(directions(dim), dtype=h.dtype)
-    long_screen = largest_eigenvalue(tangent.components(long_wave_phases(fam, compass)))
-
-    waves = class_starts(zone, screen)
-    groups = [waves, compass[jnp.argmax(long_screen)][None]] + ([grid[jnp.argmax(top)][None]] if fastest else [])
-    sizes = [len(g) for g in groups]
-    starts = jnp.concatenate(groups)
-    kind = jnp.repeat(jnp.arange(len(groups)), jnp.array(sizes), total_repeat_length=sum(sizes))
-
-    def matrix(x, kind):
-        phases = _phases_at(fam, x, kind == 1)
-        J = tangent(phases)
-        return (J + J.T) / 2 / jnp.where(kind == 2, M / h**2, M * phases.kappa2)
-
-    move = jnp.asarray(nudge(dim, zone.step), dtype=h.dtype)
-    climbed = jax.vmap(lambda x, kind: refine(lambda y: matrix(y, kind), x + move, zone.step))(starts, kind)
-    points, kinds = jnp.concatenate([starts, climbed]), jnp.concatenate([kind, kind])
-    values, modes = jax.vmap(lambda x, kind: top_pair(matrix(x, kind)))(points, kinds)
-    values = jnp.where(jnp.isnan(values), -jnp.inf, values)
-    i = jnp.argmax(jnp.where(kinds < 2, values, -jnp.inf))
-    j = jnp.argmax(jnp.where(kinds == 2, values, -jnp.inf))
-    scale = jnp.max(jnp.abs(screen))
-    return (points[i], kinds[i] == 1, modes[i]), (points[j], modes[j]) if fastest else None, scale
-
-
 def symbol(
     model: AbstractModel, fam: Family, F: Float[Array, "dim dim"], zone: Zone, at=None, fastest: bool = True
 ) -> Outcome:
     """The exact test: see the module. `fastest`: also find the largest eigenvalue, which unstable states report."""
     tangent = homogeneous_tangent(model, fam, F)
-    M = p_wave_modulus(model, fam)
+    M = modulus_at_rest(model, fam)
     if not model.hyperelastic:
         return _by_growth(tangent, M, fam, zone, at)
     fast, scale = None, jnp.ones((), M.dtype)
     if at is None:
-        at, fast, scale = _search(*jax.lax.stop_gradient((tangent, M, fam)), zone, fastest)
+        quiet, unit = jax.lax.stop_gradient((tangent, fam.spacing**2 / M))
+        bonds = len(fam.influence)
+        blocks = packed(series(quiet, fam.dim, bonds)) * unit
+        found = search(blocks[None], 1, reached(fam.dim, bonds, rings_of(tangent)), zone)
+        x, is_long, mode, *fast, scale = jax.tree.map(lambda y: y[0], found)
+        at = x, is_long, mode
     x, is_long, mode = at = jax.lax.stop_gradient(at)
     phases = _frozen_angles(_phases_at(fam, x, is_long))
     work = mode @ tangent(phases) @ mode
     margin = work / (M * phases.kappa2)
 
     eigenvalue, k = jnp.where(is_long, 0 * work, work), jnp.where(is_long, 0 * x, x)
-    if fast is not None:
+    if fast is not None and fastest:
         y, shape = jax.lax.stop_gradient(fast)
         unstable = jax.lax.stop_gradient(margin) > margin_tolerance(M.dtype, scale)
         growth = shape @ tangent(_frozen_angles(wave_phases(fam, y / fam.spacing))) @ shape
@@ -100,10 +154,13 @@ def symbol(
     return Outcome(margin, eigenvalue, mode, k / fam.spacing, x / jnp.linalg.norm(x), scale, at)
 
 
-def _by_growth(tangent: Tangent, M: Array, fam: Family, zone: Zone, at) -> Outcome:
+def _by_growth(tangent, M: Array, fam: Family, zone: Zone, at) -> Outcome:
     scale, fast = jnp.ones((), M.dtype), None
     if at is None:
-        at, fast, scale = flutter.search(*jax.lax.stop_gradient((tangent, M, fam)), zone)
+        quiet, unit = jax.lax.stop_gradient((tangent, fam.spacing**2 / M))
+        bonds = len(fam.influence)
+        blocks = series(quiet, fam.dim, bonds) * unit
+        at, fast, scale = flutter.search(blocks, reached(fam.dim, bonds, rings_of(tangent)), zone)
     x, is_long, right, left = at = jax.lax.stop_gradient(at)
     phases = _frozen_angles(_phases_at(fam, x, is_long))
     square = flutter.quotient(tangent, phases, right, left)
@@ -118,8 +175,19 @@ def _by_growth(tangent: Tangent, M: Array, fam: Family, zone: Zone, at) -> Outco
     return Outcome(margin, eigenvalue, mode, k / fam.spacing, x / jnp.linalg.norm(x), scale, at)
 
 
+def _acoustic_forms(fourth: Float[Array, "dim dim dim dim"], N: Float[Array, "*lanes dim"]) -> Forms:
+    """−(N·A·N) over |N|², with derivatives; A (i, J, k, L) is made symmetric in J, L and in i, k."""
+    A = (fourth + fourth.transpose(0, 3, 2, 1)) / 2
+    A = -((A + A.transpose(2, 1, 0, 3)) / 2).transpose(1, 3, 0, 2)
+    first = jnp.einsum("abij,...b->...aij", A, N)
+    eye = jnp.eye(N.shape[-1], dtype=N.dtype)
+    curvature = jnp.broadcast_to(2 * A, (*N.shape[:-1], *A.shape))
+    square = jnp.sum(N**2, axis=-1)
+    return Forms(jnp.einsum("...aij,...a->...ij", first, N), 2 * first, curvature, square, 2 * N, 2 * eye)
+
+
 def _acoustic(fourth: Float[Array, "dim dim dim dim"], model, fam, at) -> Outcome:
-    M = p_wave_modulus(model, fam)
+    M = modulus_at_rest(model, fam)
 
     def matrix(A, N):
         return -jnp.einsum("iJkL,J,L->ik", A, N, N) / jnp.sum(N**2)
@@ -129,10 +197,11 @@ def _acoustic(fourth: Float[Array, "dim dim dim dim"], model, fam, at) -> Outcom
         compass = jnp.asarray(directions(fam.dim), dtype=fam.xi.dtype)
         screen = jax.vmap(lambda N: top_pair(matrix(frozen, N))[0])(compass)
         start = compass[jnp.argmax(screen)]
-        move = jnp.asarray(nudge(fam.dim, 0.05), dtype=fam.xi.dtype)
-        points = jnp.stack([start, refine(lambda N: matrix(frozen, N), start + move, 0.1)])
+        begin = start + jnp.asarray(nudge(fam.dim, 0.05), dtype=fam.xi.dtype)
+        climbed, *_ = climb(lambda N: _acoustic_forms(frozen, N), begin, top_pair(matrix(frozen, begin))[1], 0.1)
+        points = jnp.stack([start, climbed])
         values, modes = jax.vmap(lambda N: top_pair(matrix(frozen, N)))(points)
-        best = jnp.argmax(values)
+        best = jnp.argmax(jnp.where(jnp.isnan(values), -jnp.inf, values))
         at = points[best] / jnp.linalg.norm(points[best]), modes[best]
     direction, mode = at = jax.lax.stop_gradient(at)
     value = mode @ matrix(fourth, direction) @ mode

@@ -8,7 +8,7 @@ import numpy as np
 
 from .. import conditions
 from .._checks import deformation_gradient, is_concrete
-from ..bloch import p_wave_modulus
+from ..lattice_states import p_wave_modulus
 from ..dynamics.system import Motion, Ramp, motion
 from ..family_search import families
 from ..models.base import AbstractModel

@@ -1,0 +1,233 @@
+"""The symbol of any model as one cosine series: what a search of the Brillouin zone needs to know of a state.
+
+On a lattice of spacing h, with integer offsets o and x = h k,
+
+    Ĵ(x) = −Σ_o B_o c_o(x),    c_o = 4 sin²(o·x/2),    o over one half of the offsets that forces reach.
+
+B_o is the block of the Jacobian between points o apart, so B_o has the same meaning for every model. Products of the
+factors of a tangent (`pdjax.bloch`) are folded by
+
+    s_a s_b = (c_{a+b} − c_{a−b})/4,    c_a c_b = 2 c_a + 2 c_b − c_{a+b} − c_{a−b},    s = sin o·x.
+
+A model of two stages has products of three factors. Its blocks are found by a discrete Fourier transform of its symbol
+on a grid fine enough for the highest harmonic, which is exact to rounding.
+
+Ĵ and its derivatives in x are sums over the same blocks: `forms`. As x → 0 along N, Ĵ/|x|² tends to the series with
+c = (N·o)².
+"""
+
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from .bloch import DenseTangent, Phases, StateTangent, Tangent, TwoStageTangent
+from .neighbours import cells_within
+
+
+class Fold(NamedTuple):
+    """Where the products over a half family go: half offsets (offsets, dim), and the index of every own bond, of every
+    sum a + b and of every difference a − b among them; index `offsets` stands for the zero offset, which is dropped."""
+
+    offsets: np.ndarray
+    own: np.ndarray
+    plus: np.ndarray
+    minus: np.ndarray
+
+
+@lru_cache(maxsize=32)
+def half_offsets(dim: int, bonds: int) -> np.ndarray:
+    """The integer offsets (bonds/2, dim) of the first half of a lattice family, told from its number of bonds."""
+    reach = 1
+    while len(cells_within(dim, reach)) < bonds:
+        reach += 1
+    cells = cells_within(dim, reach)
+    squares = np.sort((cells**2).sum(axis=1))
+    cells = cells[(cells**2).sum(axis=1) <= squares[bonds - 1]]
+    first = cells[len(cells) // 2 :]
+    return first[np.lexsort((*first.T[::-1], (first**2).sum(axis=1)))]
+
+
+def _canonical(offsets: np.ndarray) -> np.ndarray:
+    """Of o and −o the one whose first component that is not zero is positive."""
+    first = offsets[np.arange(len(offsets)), np.argmax(offsets != 0, axis=1)]
+    return offsets * np.where(first < 0, -1, 1)[:, None]
+
+
+@lru_cache(maxsize=32)
+def fold(dim: int, bonds: int) -> Fold:
+    """The two rings that a lattice family of `bonds` bonds reaches."""
+    half = half_offsets(dim, bonds)
+    pairs = [half, *((half[:, None] + s * half[None]).reshape(-1, dim) for s in (1, -1))]
+    everything = _canonical(np.concatenate(pairs))
+    unique, where = np.unique(everything, axis=0, return_inverse=True)
+    zero = int(np.flatnonzero((unique == 0).all(axis=1))[0])
+    place = np.where(where == zero, len(unique) - 1, where - (where > zero)).astype(np.int32).reshape(-1)
+    own, plus, minus = np.split(place, [len(half), len(half) + len(half) ** 2])
+    return Fold(np.delete(unique, zero, axis=0), own, plus, minus)
+
+
+def reached(dim: int, bonds: int, rings: int) -> np.ndarray:
+    """Half of the offsets (offsets, dim) that the blocks of a series stand for: two rings of neighbours, or three."""
+    return fold(dim, bonds).offsets if rings <= 2 else _box(dim, 3 * int(np.abs(half_offsets(dim, bonds)).max()))
+
+
+@lru_cache(maxsize=8)
+def _box(dim: int, reach: int) -> np.ndarray:
+    """Half of all offsets with components up to `reach`."""
+    steps = np.arange(-reach, reach + 1)
+    every = np.stack([x.reshape(-1) for x in np.meshgrid(*[steps] * dim, indexing="ij")], axis=1)
+    return every[len(every) // 2 + 1 :]
+
+
+def rings_of(tangent: Tangent) -> int:
+    """How many rings of neighbours the blocks of a tangent reach."""
+    return 3 if isinstance(tangent, TwoStageTangent) else 2
+
+
+def series(tangent: Tangent, dim: int, bonds: int) -> Float[Array, "offsets dim dim"]:
+    """B of the module's text [force/length^(dim+1)] for one state of a lattice family of `bonds` bonds."""
+    if isinstance(tangent, TwoStageTangent):
+        return _by_transform(tangent, dim, bonds)
+    f = fold(dim, bonds)
+    out = jnp.zeros((len(f.offsets) + 1, dim, dim), jax.tree.leaves(tangent)[0].dtype)
+    if isinstance(tangent, StateTangent):
+        out = out.at[f.own].add(tangent.b)
+        product = jnp.einsum("air,brj->abij", tangent.g, tangent.r).reshape(-1, dim, dim) / 4
+        out = out.at[f.plus].add(product).at[f.minus].add(-product)
+    else:
+        assert isinstance(tangent, DenseTangent)
+        even, odd = (x.transpose(0, 2, 1, 3) / 4 for x in (tangent.even, tangent.odd))
+        out = out.at[f.own].add(2 * (even.sum(axis=0) + even.sum(axis=1)))
+        out = out.at[f.plus].add((odd - even).reshape(-1, dim, dim))
+        out = out.at[f.minus].add((-odd - even).reshape(-1, dim, dim))
+    return out[:-1]
+
+
+def _by_transform(tangent: TwoStageTangent, dim: int, bonds: int) -> Float[Array, "offsets dim dim"]:
+    half = half_offsets(dim, bonds)
+    reach = 3 * int(np.abs(half).max())
+    size = 2 * reach + 1
+    waves = np.stack([x.reshape(-1) for x in np.meshgrid(*[np.arange(size)] * dim, indexing="ij")], axis=1)
+    angle = jnp.asarray(2 * np.pi / size * ((waves @ half.T) % size), tangent.b.dtype)
+    c = 4 * jnp.sin(angle / 2) ** 2
+    values = tangent(Phases(c, jnp.sin(angle), -c / 2, c[:, 0]))
+    blocks = jnp.fft.ifftn(values.reshape(*[size] * dim, dim, dim), axes=tuple(range(dim))).real
+    return blocks[tuple((_box(dim, reach) % size).T)]
+
+
+class Forms(NamedTuple):
+    """A symmetric matrix function A(x) and a scale κ²(x), each with its first and second derivatives in x."""
+
+    A: Float[Array, "*lanes dim dim"]
+    A1: Float[Array, "*lanes dim dim dim"]
+    A2: Float[Array, "*lanes dim dim dim dim"]
+    scale: Float[Array, "*lanes"]
+    scale1: Float[Array, "*lanes dim"]
+    scale2: Float[Array, "*lanes dim dim"]
+
+
+@lru_cache(maxsize=4)
+def upper(dim: int) -> tuple[tuple[np.ndarray, np.ndarray], np.ndarray]:
+    """The upper triangle's indices, and the place (dim, dim) of every entry in it."""
+    rows, columns = np.triu_indices(dim)
+    place = np.zeros((dim, dim), dtype=int)
+    place[rows, columns] = place[columns, rows] = np.arange(len(rows))
+    return (rows, columns), place
+
+
+def packed(blocks: Float[Array, "*states offsets dim dim"]) -> Float[Array, "*states offsets p"]:
+    """The upper triangle of the symmetric part of every block."""
+    (rows, columns), _ = upper(blocks.shape[-1])
+    return (blocks[..., rows, columns] + blocks[..., columns, rows]) / 2
+
+
+def entries(values: Float[Array, "p *waves"], dim: int) -> list[list[Array]]:
+    """The entries of packed matrices as a matrix of arrays."""
+    _, place = upper(dim)
+    return [[values[place[i, j]] for j in range(dim)] for i in range(dim)]
+
+
+class Series(NamedTuple):
+    """What `forms` sums for many states at once: B, o B and o o B (upper triangles), and the offsets."""
+
+    zeroth: Float[Array, "states offsets p"]
+    first: Float[Array, "states offsets dim_p"]
+    second: Float[Array, "states offsets p_p"]
+    offsets: Any
+
+    @staticmethod
+    def of(blocks: Float[Array, "states offsets p"], offsets: np.ndarray) -> "Series":
+        (rows, columns), _ = upper(offsets.shape[1])
+        o = jnp.asarray(offsets, blocks.dtype)
+        oo = jnp.asarray(offsets[:, rows] * offsets[:, columns], blocks.dtype)
+        shape = (*blocks.shape[:2], -1)
+        first = (o[None, :, :, None] * blocks[:, :, None, :]).reshape(shape)
+        return Series(blocks, first, (oo[None, :, :, None] * blocks[:, :, None, :]).reshape(shape), o)
+
+
+def forms(
+    s: Series, x: Float[Array, "states lanes dim"], long: np.ndarray, bare: np.ndarray
+) -> Forms:
+    """A = Ĵ (symmetric part) and κ² = Σ 4 sin²(x_i/2) with derivatives, at x (states, lanes, dim) [1/spacing].
+
+    `long` (lanes,): the limit x → 0 along x instead, with κ² = |x|²; `bare` (lanes,): κ² = 1 instead.
+    """
+    dim = x.shape[-1]
+    angle = x @ s.offsets.T
+    far = jnp.asarray(long)[:, None]
+    half, turn = jnp.sin(angle / 2), jnp.sin(angle)
+    c = jnp.where(far, angle**2, 4 * half**2)
+    c1 = jnp.where(far, 2 * angle, 2 * turn)
+    c2 = jnp.where(far, 2.0, 2 - 4 * half**2)
+    _, place = upper(dim)
+    A = -(c @ s.zeroth)[..., place]
+    A1 = -(c1 @ s.first).reshape(*x.shape[:-1], dim, -1)[..., place]
+    A2 = -(c2 @ s.second).reshape(*x.shape[:-1], len(s.zeroth[0, 0]), -1)[..., place, :][..., place]
+    return Forms(A, A1, A2, *_laplacian(x, far, jnp.asarray(bare)[:, None]))
+
+
+def _laplacian(x: Array, far: Array, bare: Array) -> tuple[Array, Array, Array]:
+    eye = jnp.eye(x.shape[-1], dtype=x.dtype)
+    each = jnp.where(far, x**2, 4 * jnp.sin(x / 2) ** 2)
+    slope = jnp.where(far, 2 * x, 2 * jnp.sin(x))
+    curvature = jnp.where(far, 2.0, 2 * jnp.cos(x))
+    value = jnp.where(bare[:, 0], 1.0, each.sum(axis=-1))
+    return value, jnp.where(bare, 0.0, slope), jnp.where(bare, 0.0, curvature)[..., None] * eye
+
+
+def on_grid(blocks: Float[Array, "offsets p"], offsets: np.ndarray, axes: list[np.ndarray]) -> Float[Array, "p *grid"]:
+    """Ĵ (entries of `blocks`) on the grid of wave vectors with the components `axes` [1/spacing], axis by axis.
+
+    The sum over offsets is a product of one matrix for each axis: its cost doesn't grow as grid × offsets.
+    """
+    reach, dim = int(np.abs(offsets).max()), offsets.shape[1]
+    size = 2 * reach + 1
+    flat = [np.ravel_multi_index((sign * offsets + reach).T, [size] * dim) for sign in (1, -1)]
+    real = jnp.zeros((blocks.shape[1], size**dim), blocks.dtype)
+    real = real.at[:, np.concatenate(flat)].set(jnp.concatenate([blocks, blocks]).T)
+    real = real.at[:, (size**dim) // 2].set(-2 * blocks.sum(axis=0)).reshape(-1, *[size] * dim)
+    imaginary: Any = None
+    steps = np.arange(-reach, reach + 1)
+    for axis in range(dim - 1, -1, -1):
+        cos, sin = (jnp.asarray(f(np.outer(steps, axes[axis])), blocks.dtype) for f in (np.cos, np.sin))
+
+        def turn(a, b, axis=axis):
+            return jnp.moveaxis(jnp.tensordot(a, b, axes=(axis + 1, 0)), -1, axis + 1)
+
+        if imaginary is None:
+            real, imaginary = turn(real, cos), turn(real, sin)
+        elif axis > 0:
+            real, imaginary = turn(real, cos) - turn(imaginary, sin), turn(real, sin) + turn(imaginary, cos)
+        else:
+            real = turn(real, cos) - turn(imaginary, sin)
+    return real
+
+
+def symbols(blocks: np.ndarray, offsets: np.ndarray, x: np.ndarray) -> np.ndarray:
+    """Ĵ (waves, dim, dim) of concrete blocks at x = h k (waves, dim), in NumPy."""
+    c = 4 * np.sin(x @ offsets.T / 2) ** 2
+    return -np.tensordot(c, blocks, axes=(-1, 0))

@@ -1,0 +1,105 @@
+"""The criteria of concrete models on concrete families: numbers from two small programs, the rest NumPy.
+
+    linearised states (`pdjax.lattice_states`)  →  symbol: one search of the Brillouin zone for all models
+                                                →  diagonal, block: sums of the same blocks
+
+Every other criterion is one program of its own, for STATES states at once. Under a transformation the criteria are
+traced as they are (`pdjax.criteria.evaluate`).
+"""
+
+from functools import lru_cache, partial
+from typing import Any
+
+import equinox as eqx
+import jax
+import numpy as np
+
+from ..cosine_series import packed, reached
+from ..lattice_states import STATES, States, checked_states, check_at_rest, has_series
+from ..models.base import AbstractModel, TwoStageModel
+from ..neighbours import Family
+from ..zone import Zone, brillouin_zone
+from .outcome import Outcome, margin_tolerance
+from .waves import Found, search
+
+
+@lru_cache(maxsize=64)
+def _search(dim: int, bonds: int, rings: int, intervals: int, symmetry: str) -> Any:
+    """The search as one program: its sizes are all it is made for."""
+    offsets, zone = reached(dim, bonds, rings), brillouin_zone(dim, intervals, symmetry)
+    return jax.jit(lambda blocks, count: search(blocks, count, offsets, zone))
+
+
+def searched(states: States, model: AbstractModel, fam: Family, zone: Zone) -> Found:
+    """Where the searches of all states ended, in NumPy."""
+    scaled = np.asarray(_packed(states.scaled), fam.xi.dtype)
+    padded = np.zeros((STATES, *scaled.shape[1:]), scaled.dtype)
+    padded[: len(scaled)] = scaled
+    rings = 3 if isinstance(model, TwoStageModel) else 2
+    program = _search(fam.dim, len(fam.influence), rings, zone.intervals, zone.symmetry)
+    return Found(*(x[: len(scaled)] for x in jax.device_get(program(padded, np.asarray(len(scaled))))))
+
+
+def _packed(blocks: np.ndarray) -> np.ndarray:
+    rows, columns = np.triu_indices(blocks.shape[-1])
+    return (blocks[..., rows, columns] + blocks[..., columns, rows]) / 2
+
+
+def _work(blocks: np.ndarray, offsets: np.ndarray, x: np.ndarray, is_long: np.ndarray, v: np.ndarray) -> tuple:
+    """(vᵀ Ĵ v, κ²) of every state at its own x [1/spacing], in the units of the blocks."""
+    angle = x @ offsets.T
+    c = np.where(is_long[:, None], angle**2, 4 * np.sin(angle / 2) ** 2)
+    kappa2 = np.where(is_long[:, None], x**2, 4 * np.sin(x / 2) ** 2).sum(axis=1)
+    return -np.einsum("so,si,soij,sj->s", c, v, blocks, v), kappa2
+
+
+def _symbol(model: AbstractModel, fam: Family, states: States, zone: Zone) -> Outcome:
+    found = searched(states, model, fam, zone)
+    M, h = states.modulus, states.spacing
+    work, kappa2 = _work(states.blocks, states.offsets, found.x, found.is_long, found.mode)
+    margin = work * h**2 / (M * kappa2)
+    never = np.zeros(len(work), bool)
+    growth, _ = _work(states.blocks, states.offsets, found.fast_x, never, found.fast_mode)
+    unstable = margin > margin_tolerance(fam.xi.dtype, found.scale)
+    eigenvalue = np.where(unstable, growth, np.where(found.is_long, 0.0, work))
+    x, mode = (np.where(unstable[:, None], a, b) for a, b in ((found.fast_x, found.x), (found.fast_mode, found.mode)))
+    k = np.where((found.is_long & ~unstable)[:, None], 0.0, x)
+    k = k - 2 * np.pi * np.round(k / (2 * np.pi))  # climbs may end in the next zone: the same wave
+    direction = x / np.linalg.norm(x, axis=1, keepdims=True)
+    at = found.x, found.is_long, found.mode
+    return Outcome(margin, eigenvalue, mode, k / h, direction, found.scale, at)
+
+
+def _of_blocks(model: AbstractModel, fam: Family, states: States, zone: Zone, whole: bool) -> Outcome:
+    D = -2 * states.blocks.sum(axis=1)
+    if whole:
+        values, vectors = np.linalg.eigh(np.where(np.isfinite(D), (D + D.transpose(0, 2, 1)) / 2, 0.0))
+        mode = vectors[..., -1]
+    else:
+        mode = np.eye(fam.dim)[np.argmax(np.einsum("sii->si", D), axis=1)]
+    value = np.einsum("si,sij,sj->s", mode, D, mode)
+    margin = value / (states.modulus * 2 * fam.dim / states.spacing**2)
+    return Outcome(margin, value, mode, scale=np.ones(len(D)), at=mode)
+
+
+FROM_STATES = {"symbol": _symbol, "diagonal": partial(_of_blocks, whole=False), "block": partial(_of_blocks, whole=True)}
+
+
+@eqx.filter_jit
+def _traced(criterion: str, model: AbstractModel, fam: Family, F, intervals: int, symmetry: str) -> Outcome:
+    from . import evaluate
+
+    zone = brillouin_zone(fam.dim, intervals, symmetry)
+    return jax.vmap(lambda F: evaluate(criterion, model, fam, F, zone, fastest=True))(F)
+
+
+def outcomes(criterion: str, model: AbstractModel, fam: Family, F: np.ndarray, zone: Zone) -> Outcome:
+    """The named criterion at the deformations F (states, dim, dim), at most STATES: an `Outcome` of NumPy arrays with
+    a leading axis. Checks the family and the resting state first."""
+    if criterion in FROM_STATES and has_series(model) and (criterion != "symbol" or model.hyperelastic):
+        return FROM_STATES[criterion](model, fam, checked_states(model, fam, F), zone)
+    check_at_rest(model, fam)
+    padded = np.broadcast_to(np.eye(fam.dim), (STATES, fam.dim, fam.dim)).astype(fam.xi.dtype)
+    padded[: len(F)] = F
+    out = jax.device_get(_traced(criterion, model, fam, padded, zone.intervals, zone.symmetry))
+    return jax.tree.map(lambda x: np.broadcast_to(x, (STATES,))[: len(F)] if np.ndim(x) == 0 else x[: len(F)], out)
