@@ -20,7 +20,7 @@ from jaxtyping import Array, Bool, Float
 
 from .cosine_series import Forms
 
-STEPS = 24  # measured: 8 to 12 from a start next to a maximum; what creeps along a ridge for longer has another start above it
+STEPS = 24  # measured: 8 to 12 from a start next to a maximum; what creeps along a ridge passes to another start's
 SMALLEST, LARGEST = 1e-9, 1e9  # of the norm of H: the range of σ
 NOTHING = 1e-3  # a step that promises to raise the quotient by less than this × eps × the norm of H is the last
 

@@ -169,9 +169,7 @@ class Series(NamedTuple):
         return Series(blocks, first, (oo[None, :, :, None] * blocks[:, :, None, :]).reshape(shape), o)
 
 
-def forms(
-    s: Series, x: Float[Array, "states lanes dim"], long: np.ndarray, bare: np.ndarray
-) -> Forms:
+def forms(s: Series, x: Float[Array, "states lanes dim"], long: np.ndarray, bare: np.ndarray) -> Forms:
     """A = Ĵ (symmetric part) and κ² = Σ 4 sin²(x_i/2) with derivatives, at x (states, lanes, dim) [1/spacing].
 
     `long` (lanes,): the limit x → 0 along x instead, with κ² = |x|²; `bare` (lanes,): κ² = 1 instead.
@@ -228,6 +226,8 @@ def on_grid(blocks: Float[Array, "offsets p"], offsets: np.ndarray, axes: list[n
 
 
 def symbols(blocks: np.ndarray, offsets: np.ndarray, x: np.ndarray) -> np.ndarray:
-    """Ĵ (waves, dim, dim) of concrete blocks at x = h k (waves, dim), in NumPy."""
-    c = 4 * np.sin(x @ offsets.T / 2) ** 2
-    return -np.tensordot(c, blocks, axes=(-1, 0))
+    """Ĵ (..., dim, dim) of concrete blocks at x = h k (..., dim), in NumPy; a few thousand waves at once."""
+    dim = x.shape[-1]
+    parts = np.array_split(x.reshape(-1, dim), max(1, x.size // (dim * 4096)))
+    values = [-np.tensordot(4 * np.sin(part @ offsets.T / 2) ** 2, blocks, axes=(-1, 0)) for part in parts]
+    return np.concatenate(values).reshape(*x.shape[:-1], *blocks.shape[1:])

@@ -4,6 +4,7 @@ A point-state model is linear in few numbers: ∂T/∂η = B + G R with the deri
 has the second derivatives of its bond energies and R. Any other model: the dense C = ∂T/∂η of its force state.
 """
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import jax
@@ -11,7 +12,7 @@ import jax.numpy as jnp
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float
 
-from .models.base import AbstractModel, PointStateModel, TwoStageModel
+from .models.base import AbstractModel, PointStateModel, Sums, TwoStageModel
 from .neighbours import EACH_BOND, Bonds
 
 
@@ -24,14 +25,41 @@ class LowRank(NamedTuple):
     there: Float[Array, "bonds dim rank"]
 
 
+def _state_and_slope(model: PointStateModel, bonds: Bonds) -> tuple[Array, Callable, Float[Array, "rank bonds dim"]]:
+    """The state (raveled) with its unravel function, and R = ∂A/∂η.
+
+    Where the state is made of sums of what single bonds give, R is the chain rule: ∂A/∂sums times ∂moments/∂η of each
+    bond, which is a smaller program than a reverse pass through everything.
+    """
+    if not model.by_moments:
+        state, unravel = ravel_pytree(model.point_state(bonds))
+        R = jax.jacrev(lambda eta: ravel_pytree(model.point_state(bonds._replace(eta=eta)))[0])(bonds.eta)
+        return state, unravel, R
+
+    def moments(eta, bond):
+        reference, deformed = model.moments(bond._replace(eta=eta))
+        flat = ravel_pytree(deformed)[0]
+        return flat, (reference, deformed)
+
+    slopes, each = jax.vmap(jax.jacfwd(moments, has_aux=True), (0, EACH_BOND))(bonds.eta, bonds)
+    reference, deformed = jax.tree.map(lambda x: jnp.sum(x, axis=0), each)
+    total, structure = ravel_pytree(deformed)
+
+    def state_of(total):
+        state = model.state(Sums(reference, structure(total), bonds.horizon, bonds.xi.shape[-1]))
+        return ravel_pytree(state)[0], state
+
+    slope, state = jax.jacfwd(state_of, has_aux=True)(total)
+    return *ravel_pytree(state), jnp.einsum("rq,bqd->rbd", slope, slopes)
+
+
 def linearise_states(model: PointStateModel, bonds: Bonds, there=None, first: int | None = None) -> LowRank:
-    """B, G, R of one family by autodiff of `point_state` (reverse) and `bond_force` (forward).
+    """B, G, R of one family by autodiff of `point_state` and `bond_force`.
 
     `there` holds the states at the far ends, (bonds, rank) raveled; None: equal to this point's (homogeneous).
     `first`: only for that many leading bonds (a centro-symmetric family needs but its half).
     """
-    state, unravel = ravel_pytree(model.point_state(bonds))
-    R = jax.jacrev(lambda eta: ravel_pytree(model.point_state(bonds._replace(eta=eta)))[0])(bonds.eta)
+    state, unravel, R = _state_and_slope(model, bonds)
     far = jnp.broadcast_to(state, (bonds.eta.shape[0], state.shape[0])) if there is None else there
     R, far = R[:, :first], far[:first]
     bonds = jax.tree.map(lambda x: x[:first] if x.ndim else x, bonds)  # δ is no array of bonds
@@ -39,14 +67,10 @@ def linearise_states(model: PointStateModel, bonds: Bonds, there=None, first: in
     def one(eta, here, there, bond):
         return model.bond_force(unravel(here), unravel(there), bond._replace(eta=eta))
 
-    each = (0, None, 0, EACH_BOND)
-    B = jax.vmap(jax.jacfwd(one, 0), each)(bonds.eta, state, far, bonds)
-    G = jax.vmap(jax.jacfwd(one, 1), each)(bonds.eta, state, far, bonds)
-    if model.needs_other_end:
-        other = jax.vmap(jax.jacfwd(one, 2), each)(bonds.eta, state, far, bonds)
-    else:
-        other = jnp.zeros_like(G)
-    return LowRank(B, G, R, other)
+    ends = (0, 1, 2) if model.needs_other_end else (0, 1)
+    slopes = jax.vmap(jax.jacfwd(one, ends), (0, None, 0, EACH_BOND))(bonds.eta, state, far, bonds)
+    B, G = slopes[:2]
+    return LowRank(B, G, R, slopes[2] if model.needs_other_end else jnp.zeros_like(G))
 
 
 class TwoStage(NamedTuple):

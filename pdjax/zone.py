@@ -16,7 +16,6 @@ The limit k → 0 is searched the same way over directions.
 from functools import lru_cache
 from typing import NamedTuple
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int

@@ -15,7 +15,10 @@ from hypothesis import strategies as st
 from test_bloch import Peer, difference, random, seth_hill_state
 
 import pdjax as pd
-from pdjax import zone
+from pdjax import cosine_series, zone
+from pdjax.bloch import homogeneous_tangent, wave_phases
+from pdjax.climb import _gradient_and_hessian, climb
+from pdjax.cosine_series import Forms
 
 # ---------------------------------------------------------------- the grid
 
@@ -188,7 +191,6 @@ def test_multiples_of_the_identity_have_an_eigenvalue():
 
 def test_screen_of_symbols_is_that_of_their_eigenvalues():
     """`components` and the closed form against eigh of the NumPy peer's symbols, double roots at corners included."""
-    from pdjax.bloch import homogeneous_tangent, wave_phases
 
     for dim, N, grid in ((1, 3, 24), (2, 3, 16), (3, 1.5, 8)):
         F = 0.9 * np.eye(dim)
@@ -209,27 +211,100 @@ def test_screen_of_symbols_is_that_of_their_eigenvalues():
 def test_class_starts_are_the_best_of_each_class():
     z = zone.brillouin_zone(2, 6, "inversion")
     screen = random(3).normal(size=len(z.grid))
-    starts = np.asarray(zone.class_starts(z, jnp.asarray(screen)))
-    for start, row in zip(starts, z.members, strict=True):
-        assert np.array_equal(start, z.grid[row[np.argmax(screen[row])]])
+    for best, row in zip(np.asarray(zone.class_best(z, jnp.asarray(screen))), z.members, strict=True):
+        assert best in row and screen[best] == screen[row].max()
+
+
+def cone(x):
+    """[[x, y], [y, −x]] − |x|² with its derivatives: λ_max = |x| − |x|²."""
+    eye, spread = np.eye(2), np.array([[[1.0, 0], [0, -1]], [[0, 1], [1, 0]]])
+    A = jnp.einsum("...a,aij->...ij", x, spread) - jnp.sum(x**2, axis=-1)[..., None, None] * eye
+    A1 = spread - 2 * x[..., :, None, None] * eye
+    A2 = jnp.broadcast_to(-2 * eye[:, :, None, None] * eye, (*A.shape[:-2], 2, 2, 2, 2))
+    one = jnp.ones(x.shape[:-1])
+    return Forms(A, A1, A2, one, 0 * x, jnp.zeros((*x.shape, 2)))
 
 
 @pytest.mark.parametrize("start", [(0.7, 0.2), (0.05, -0.03), (-0.4, 0.9)])
 def test_climb_over_a_crossing_of_eigenvalues(start):
     """λ_max = |x| − |x|² of a cone: a ring of maxima ¼ around the double root at 0, where it has no derivative."""
+    v = np.linalg.eigh(np.asarray(cone(jnp.asarray(start)).A))[1][:, -1]
+    x, v, q = climb(cone, jnp.asarray(start), jnp.asarray(v), 0.1)
+    assert abs(float(q) - 0.25) < 1e-15  # 6e-17
+    assert abs(np.linalg.norm(x) - 0.5) < 1e-8  # 1e-16
+    assert abs(np.linalg.norm(v) - 1) < 1e-15
 
-    def matrix(x):
-        return jnp.array([[x[0], x[1]], [x[1], -x[0]]]) - jnp.sum(x**2) * jnp.eye(2)
 
-    found = np.asarray(zone.refine(matrix, jnp.asarray(start), 0.1))
-    assert abs(float(zone.top_pair(matrix(found))[0]) - 0.25) < 1e-12  # 6e-17
-    assert abs(np.linalg.norm(found) - 0.5) < 1e-6  # 1e-16
+def test_the_derivatives_of_a_climb_are_those_of_the_quotient():
+    """Gradient and Hessian over (x, v), written out in `climb`, against autodiff of the quotient itself."""
+    draw = np.random.default_rng(2)
+    offsets = cosine_series.reached(2, 8, 2)
+    sums = cosine_series.Series.of(jnp.asarray(draw.normal(size=(1, len(offsets), 3))), offsets)
+    for long, bare in ((False, False), (True, False), (False, True)):
+        flags = np.array([long]), np.array([bare])
+        x, v = draw.normal(size=2), draw.normal(size=2)
+        v /= np.linalg.norm(v)
+
+        def quotient(y, flags=flags):
+            f = cosine_series.forms(sums, y[None, None, :2], *flags)
+            return y[2:] @ f.A[0, 0] @ y[2:] / (y[2:] @ y[2:]) / f.scale[0, 0]
+
+        f = cosine_series.forms(sums, jnp.asarray(x)[None, None], *flags)
+        y = jnp.concatenate([x, v])
+        _, g, H = _gradient_and_hessian(f, jnp.asarray(v)[None, None])
+        assert difference(g[0, 0], jax.grad(quotient)(y)) < 1e-13  # 2e-15
+        assert difference(H[0, 0], jax.hessian(quotient)(y)) < 1e-13  # 2e-15
 
 
 def test_a_climb_that_meets_nan_stays_where_it_was():
     start = jnp.array([0.3, 0.4])
-    found = zone.refine(lambda x: jnp.where(jnp.all(x == start), 1.0, jnp.nan) * jnp.eye(2), start, 0.1)
-    assert np.array_equal(found, start)
+    v = jnp.array([1.0, 0.0])
+
+    def broken(x):
+        good = jnp.all(x == start)
+        return jax.tree.map(lambda a: jnp.where(good, a, jnp.nan), cone(x))
+
+    found, _, q = climb(broken, start, v, 0.1)
+    assert np.array_equal(found, start) and np.isfinite(q)
+    assert climb(broken, start + 1, v, 0.1)[2] == -np.inf
+
+
+@pytest.mark.parametrize(("dim", "N"), [(1, 3), (2, 2.3), (3, 1.5)])
+@pytest.mark.parametrize("name", ["seth_hill", "silling", "littlewood", "bond_level", "energy_alone"])
+def test_the_cosine_series_is_the_symbol(name, dim, N, law):
+    """Every kind of tangent, folded to one series: the same symbol at any wave vector, short and long."""
+    model = {
+        "seth_hill": pd.SethHill(0.3, law),
+        "silling": pd.Correspondence(law, pd.SillingControl(1.0)),
+        "littlewood": pd.Correspondence(law, pd.LittlewoodControl(0.1)),
+        "bond_level": pd.BondLevel(law),
+        "energy_alone": EnergyAlone(),
+    }[name]
+    fam, draw = pd.lattice_family(dim, N), np.random.default_rng(dim)
+    F = jnp.asarray(0.95 * np.eye(dim) + 0.03 * draw.normal(size=(dim, dim)))
+    tangent, bonds = homogeneous_tangent(model, fam, F), len(fam.xi)
+    offsets = cosine_series.reached(dim, bonds, cosine_series.rings_of(tangent))
+    blocks = np.asarray(cosine_series.series(tangent, dim, bonds))
+    k = draw.uniform(-np.pi, np.pi, (20, dim))
+    k[0] *= 1e-4
+    exact = np.asarray(tangent(wave_phases(fam, jnp.asarray(k))))
+    for one, other in zip(exact, cosine_series.symbols(blocks, offsets, k), strict=True):
+        assert difference(other, one) < 1e-13  # 1.5e-15
+    axes = [np.linspace(0, np.pi, 4)] + [np.linspace(-2, 3, 5)] * (dim - 1)
+    packed = cosine_series.packed(jnp.asarray(blocks))
+    grid = np.stack([x.reshape(-1) for x in np.meshgrid(*axes, indexing="ij")], axis=1)
+    whole = cosine_series.symbols(np.asarray(packed), offsets, grid)
+    found = np.asarray(cosine_series.on_grid(packed, offsets, axes)).reshape(packed.shape[1], -1).T
+    assert difference(found, whole) < 1e-13  # 1.2e-15
+
+
+class EnergyAlone(pd.AbstractModel):
+    """Springs, and a square of a sum, by an energy alone: the dense tangent."""
+
+    def energy(self, bonds):
+        growth = jnp.sum((bonds.xi + bonds.eta) ** 2, -1) - jnp.sum(bonds.xi**2, -1)
+        total = jnp.sum(bonds.volume * jnp.sum(bonds.eta**2, -1))
+        return jnp.sum(bonds.omega * bonds.volume * growth**2) + total**2
 
 
 # ---------------------------------------------------------------- resolution
@@ -271,7 +346,7 @@ def searched(resolution):
 
 
 MISSED = pytest.mark.xfail(strict=True, reason="the climb leaves the valley's narrow maximum: 0.2 to 0.4 % low")
-MARKED = [pytest.param(name, marks=MISSED if name in ("tie", "ridge", "far ridge") else ()) for name in STATES]
+MARKED = [pytest.param(name, marks=MISSED if name == "far ridge" else ()) for name in STATES]
 
 
 @pytest.mark.parametrize("name", MARKED)

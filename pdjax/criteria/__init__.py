@@ -10,13 +10,14 @@ import jax
 import numpy as np
 from jaxtyping import Array, Float
 
-from .._checks import choice, deformation_gradient, is_concrete
-from ..bloch import p_wave_modulus
+from .._checks import choice, deformation_gradient, is_concrete, on_device, still
 from ..force import check_model
+from ..lattice_states import check_at_rest
 from ..models.base import AbstractModel
 from ..neighbours import Family
 from ..zone import Zone, brillouin_zone, default_intervals
 from .continuum import continuum
+from .on_host import outcomes
 from .outcome import Outcome, Stability, margin_tolerance, verdicts
 from .point import block, diagonal, material, material_center, material_neighbour
 from .waves import affine, local, symbol
@@ -67,9 +68,16 @@ def kept_symmetry(F, fam: Family, isotropic: bool) -> str:
 
 
 @eqx.filter_jit
-def _stability(model, fam, F, criterion: str, intervals: int, symmetry: str, at) -> Outcome:
+def _stability(model, fam, F, criterion: str, intervals: int, symmetry: str) -> Outcome:
     zone = brillouin_zone(fam.dim, intervals, symmetry)
-    return evaluate(criterion, model, fam, F, zone, at, fastest=True)
+    return evaluate(criterion, model, fam, F, zone, fastest=True)
+
+
+@eqx.filter_jit
+def _with_derivative(model, fam, F, criterion: str, intervals: int, symmetry: str, found: Outcome) -> Outcome:
+    """What was `found`, with the derivatives that it has where the search ended."""
+    zone = brillouin_zone(fam.dim, intervals, symmetry)
+    return evaluate(criterion, model, fam, F, zone, found.at, fastest=True)
 
 
 def stability(
@@ -84,12 +92,29 @@ def stability(
         without a local form. Derivatives of the margin are exact to first order, no further.
     """
     choice("criterion", criterion, list(CRITERIA))
-    F = deformation_gradient(F, fam.dim) if isinstance(fam, Family) else F
-    quiet_model, quiet_fam, quiet_F = jax.lax.stop_gradient((model, fam, F)) if is_traced(model, fam, F) else (model, fam, F)
+    check_model(model, fam, Family)
+    F = deformation_gradient(F, fam.dim)
+    zone = family_zone(fam, kept_symmetry(F, fam, model.isotropic), resolution)
+    quiet = quiet_model, quiet_fam, quiet_F = still((model, fam, F))
+    if is_concrete(quiet):
+        with jax.ensure_compile_time_eval():
+            out = outcomes(criterion, quiet_model, quiet_fam, np.asarray(quiet_F)[None], zone)
+        out = jax.tree.map(lambda x: x[0], out)
+        if not is_concrete(model, fam, F):  # a derivative flows through: the quotient where the search has ended
+            out = _with_derivative(model, fam, F, criterion, zone.intervals, zone.symmetry, out)
+    else:
+        check_at_rest(model, fam)
+        out = _stability(model, fam, F, criterion, zone.intervals, zone.symmetry)
+    tolerance = margin_tolerance(fam.xi.dtype, out.scale)
+    numbers = on_device((out.margin, out.eigenvalue, out.mode, out.wave_vector, out.direction, tolerance))
+    return Stability(criterion, *numbers, zone.intervals if criterion == "symbol" else None)
+
+
 __all__ = [
     "CRITERIA",
     "Outcome",
     "Stability",
+    "check_at_rest",
     "evaluate",
     "family_zone",
     "kept_symmetry",

@@ -1,9 +1,10 @@
 """Critical loads: the edge of the unstable set along a path, on one side; and the orders m at which a side turns.
 
 **Critical load.** The margin is sampled from |a| = 1e-6 to the limit (geometric near 0, then 2 % steps), the first
-unstable sample is bracketed against the one before it, the bracket split again and again, and polished by one Newton
-step with the exact derivative ∂margin/∂a. That last step is written so that its derivative in everything else is the
-implicit function theorem, da/dθ = −(∂margin/∂θ)/(∂margin/∂a). 0: unstable at once; inf: not within the limit (or no
+unstable sample is bracketed against the one before it, and the bracket is split again and again. The edge itself is the
+root of the secant through the ends of the last bracket. Where derivatives are asked for it is one Newton step with the
+exact derivative ∂margin/∂a, written so that its derivative in everything else is the implicit function theorem,
+da/dθ = −(∂margin/∂θ)/(∂margin/∂a). 0: unstable at once; inf: not within the limit (or no
 state there).
 
 **Threshold order.** At rest every half-reciprocal wave costs a Seth–Hill lattice nothing, so under a small load the
@@ -19,22 +20,24 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .._checks import choice
-from ..bloch import homogeneous_tangent, p_wave_modulus, wave_phases
+from .._checks import as_array, choice, is_concrete, still
+from ..bloch import homogeneous_tangent, modulus_at_rest, wave_phases
 from ..force import check_model
 from ..laws import Law
 from ..models.base import AbstractModel
 from ..models.seth_hill import SethHill
 from ..neighbours import Family
 from ..paths import Path, hydrostatic, path_symmetry
-from ..zone import Zone, half_reciprocal_points
+from ..zone import Zone, brillouin_zone, half_reciprocal_points
 from . import CRITERIA, check_at_rest, evaluate, family_zone, margin_tolerance
+from .on_host import outcomes
 
 SIDES = ("negative", "positive")
 SMALLEST = 1e-6  # a side that is unstable at this load is called unstable at 0
 BATCH = 16
 NEAR, FAR = 16, 48  # samples up to 2 %, and from there to the limit
 SPLITS = 5  # a 2 % bracket ends at 2e-8, which one Newton step takes to rounding
+CLOSE = 2e-8  # a bracket of that relative width is left to the secant
 LIMITS = {"negative": 0.9, "positive": 1.0}
 
 
@@ -46,14 +49,16 @@ def _samples(limit: float) -> np.ndarray:
     return np.concatenate([np.concatenate([[0.0], sizes[:-1, -1]])[:, None], sizes], axis=1)
 
 
-def _critical(model, fam, path: Path, criterion: str, sign: Array, samples: Array, zone: Zone) -> Array:
-    """One loop, one trace of the criterion: batches of loads, first the samples until one is unstable, then the bracket
-    around its edge split into BATCH parts, `SPLITS` times. The maximiser found last serves the polish."""
+def _traced_edge(model, fam, path: Path, criterion: str, sign: Array, samples: Array, zone: Zone) -> tuple:
+    """(edge found, width of its bracket, where the criterion's search ended, state of the side) inside a program.
+
+    One loop, one trace of the criterion: batches of loads, first the samples until one is unstable, then the bracket
+    around its edge split into BATCH parts, `SPLITS` times.
+    """
     real = fam.xi.dtype
-    still_model, still_fam = jax.lax.stop_gradient((model, fam))
 
     def look(size):
-        out = evaluate(criterion, still_model, still_fam, path(sign * size, still_model, still_fam), zone)
+        out = evaluate(criterion, model, fam, path(sign * size, model, fam), zone)
         return out.margin > margin_tolerance(real, out.scale), out.at  # NaN (no state there) is not unstable
 
     def batch(state):
@@ -77,7 +82,15 @@ def _critical(model, fam, path: Path, criterion: str, sign: Array, samples: Arra
     blank = jax.tree.map(lambda x: jnp.zeros(x.shape, x.dtype), shapes)
     nothing = (jnp.zeros((), real), jnp.ones((), real), jnp.zeros((), bool))
     start = (jnp.zeros((), int), jnp.zeros((), int), samples[0], nothing, blank)
-    _, splits, _, (low, high, _), at = jax.lax.stop_gradient(jax.lax.while_loop(go_on, batch, start))
+    _, splits, _, (low, high, _), at = jax.lax.while_loop(go_on, batch, start)
+    return low, high, splits > 0, at
+
+
+def _polished(model, fam, path: Path, criterion: str, sign, zone: Zone, found: tuple) -> Array:
+    """One Newton step from the unstable end of the bracket, written so that its derivative in everything else is the
+    implicit function theorem; 0 and ±inf where the side has no edge between."""
+    low, high, exists, at = found
+    real = fam.xi.dtype
     root = sign * high
 
     def margin(a):
@@ -89,13 +102,98 @@ def _critical(model, fam, path: Path, criterion: str, sign: Array, samples: Arra
     near = jnp.abs(jax.lax.stop_gradient(step)) <= 100 * (high - low) + 1e-6 * high + blur
     edge = root - jnp.where(near, step, step - jax.lax.stop_gradient(step))
     at_once = (high <= SMALLEST) | (jnp.abs(jax.lax.stop_gradient(edge)) <= jnp.minimum(blur, 1e-3))
-    return jnp.where(splits > 0, jnp.where(at_once, jnp.zeros((), real), edge), sign * jnp.inf)
+    return jnp.where(exists, jnp.where(at_once, jnp.zeros((), real), edge), sign * jnp.inf)
+
+
+def _one_by_one(function: Any) -> Any:
+    """`function` of a tree of arrays, which `vmap` maps one after the other: a batch costs what a loop costs."""
+    single = jax.custom_batching.custom_vmap(function)
+
+    @single.def_vmap
+    def rule(size, batched, arrays):
+        (batched,) = batched if isinstance(batched, list | tuple) and len(batched) == 1 else (batched,)
+
+        def one(i):
+            return single(jax.tree.map(lambda x, b: x[i] if b else x, arrays, batched))
+
+        out = jax.lax.map(one, jnp.arange(size))
+        return out, jax.tree.map(lambda _: True, out)
+
+    return single
 
 
 @eqx.filter_jit
-def _critical_jit(model, fam, path, criterion: str, sign: Array, samples: Array, resolution: int | None):
-    zone = family_zone(fam, path_symmetry(path, fam, model.isotropic), resolution)
-    return _critical(model, fam, path, criterion, sign, samples, zone)
+def _traced(model, fam, path, criterion: str, sign: Array, samples: Array, intervals: int, symmetry: str) -> Array:
+    zone = brillouin_zone(fam.dim, intervals, symmetry)
+    arrays, rest = eqx.partition((model, fam, path, sign, samples), eqx.is_array)
+
+    def edge(arrays):
+        model, fam, path, sign, samples = eqx.combine(arrays, rest)
+        return _traced_edge(model, fam, path, criterion, sign, samples, zone)
+
+    found = _one_by_one(edge)(jax.lax.stop_gradient(arrays))
+    return _polished(model, fam, path, criterion, sign, zone, found)
+
+
+@eqx.filter_jit
+def _with_derivative(model, fam, path, criterion: str, sign, intervals: int, symmetry: str, found: tuple) -> Array:
+    return _polished(model, fam, path, criterion, sign, brillouin_zone(fam.dim, intervals, symmetry), found)
+
+
+@eqx.filter_jit
+def deformations(path: Path, a: Float[Array, " loads"], model, fam) -> Float[Array, "loads dim dim"]:
+    """F along a path."""
+    return jax.vmap(lambda x: path(x, model, fam))(a)
+
+
+def _split(low: float, high: float, f_low: float, f_high: float) -> np.ndarray:
+    """Loads in (low, high], the last one `high` itself: close around the root of the secant, and spread between."""
+    width = high - low
+    even = low + width * np.arange(1, BATCH + 1) / BATCH
+    if not f_low < 0 < f_high:
+        return np.append(even[:-1], high)
+    root = low - f_low * width / (f_high - f_low)
+    close = width * 10.0 ** -np.arange(1, 7)
+    points = np.concatenate([even[3:-1:4], root - close, root + close])
+    return np.append(np.sort(np.clip(points, np.nextafter(low, high), high))[: BATCH - 1], high)
+
+
+def _host_edge(model, fam, path: Path, criterion: str, sign: float, samples: np.ndarray, zone: Zone) -> tuple:
+    """`_traced_edge` on concrete values: (low, high, does it exist, where the search ended, margins at both ends)."""
+    real = np.dtype(fam.xi.dtype)
+
+    def look(sizes):
+        padded = np.full(BATCH, sizes[-1])
+        padded[: len(sizes)] = sizes
+        F = np.asarray(deformations(path, (sign * padded).astype(real), model, fam))[: len(sizes)]
+        out = outcomes(criterion, model, fam, F, zone)
+        return np.asarray(out.margin), np.asarray(out.margin > margin_tolerance(real, out.scale)), out.at
+
+    for sizes in samples:
+        margin, unstable, at = look(sizes[1:])
+        if unstable.any():
+            break
+    else:
+        return 0.0, np.inf, False, jax.tree.map(lambda x: x[0], at), (np.nan, np.nan)
+    ends = np.nan
+    for _ in range(2 * SPLITS):
+        i = int(np.argmax(unstable))
+        low, high = sizes[i], sizes[i + 1]
+        ends = (margin[i - 1] if i else ends), margin[i]
+        if high <= SMALLEST or high - low <= CLOSE * high:
+            break
+        sizes = np.concatenate([[low], _split(low, high, *ends)])
+        margin, unstable, at = look(sizes[1:])
+        ends = ends[0]
+    return low, high, True, jax.tree.map(lambda x: x[i], at), ends
+
+
+def _secant(low: float, high: float, ends: tuple, sign: float, real: Any) -> float:
+    """The load between the ends of a bracket where the margin is zero; 0 where that can't be told from rest."""
+    slope = (ends[1] - ends[0]) / (high - low)
+    blur = 4 * float(margin_tolerance(real)) / abs(slope) if slope else np.inf
+    edge = high - ends[1] / slope if low <= high - ends[1] / slope <= high + blur else high
+    return 0.0 if high <= SMALLEST or edge <= min(blur, 1e-3) else sign * edge
 
 
 def critical_load(
@@ -126,10 +224,21 @@ def critical_load(
     limit = LIMITS[side] if limit is None else limit
     if not (2 * SMALLEST < limit < (1.0 if side == "negative" else np.inf)):
         raise ValueError(f"limit must lie between 2e-6 and 1 (negative side) or be finite (positive); got {limit}")
-    check_at_rest(model, fam)
-    sign = jnp.asarray(-1.0 if side == "negative" else 1.0, fam.xi.dtype)
-    samples = jnp.asarray(_samples(float(limit)), fam.xi.dtype)
-    return _critical_jit(model, fam, path, criterion, sign, samples, resolution)
+    check_model(model, fam, Family)
+    real = np.dtype(fam.xi.dtype)
+    sign, samples = np.asarray(-1.0 if side == "negative" else 1.0, real), _samples(float(limit)).astype(real)
+    zone = family_zone(fam, path_symmetry(path, fam, model.isotropic), resolution)
+    quiet = still((model, fam, path))
+    if not is_concrete(quiet):
+        check_at_rest(model, fam)
+        return _traced(model, fam, path, criterion, sign, samples, zone.intervals, zone.symmetry)
+    with jax.ensure_compile_time_eval():
+        *found, ends = _host_edge(*quiet, criterion, float(sign), samples, zone)
+    low, high, exists, _ = found
+    if is_concrete(model, fam, path):
+        return as_array(_secant(low, high, ends, float(sign), real) if exists else sign * np.inf, real)
+    bracket = (*(np.asarray(x, real) for x in (low, high)), np.asarray(exists), found[3])
+    return _with_derivative(model, fam, path, criterion, sign, zone.intervals, zone.symmetry, bracket)
 
 
 def load_slope(model: AbstractModel, fam: Family, path: Path = hydrostatic, side: str = "positive") -> Float[Array, ""]:
@@ -141,7 +250,7 @@ def load_slope(model: AbstractModel, fam: Family, path: Path = hydrostatic, side
     choice("side", side, SIDES)
     check_model(model, fam, Family)
     sign = -1.0 if side == "negative" else 1.0
-    M = p_wave_modulus(model, fam)
+    M = modulus_at_rest(model, fam)
     k = jnp.asarray(half_reciprocal_points(fam.dim), dtype=fam.xi.dtype) / fam.spacing
     phases = wave_phases(fam, k)
 

@@ -43,9 +43,7 @@ def _pair(J: Float[Array, "dim dim"]) -> tuple[Array, Array]:
     return right[:, which], jnp.linalg.inv(right)[which]
 
 
-def search(
-    blocks: Float[Array, "offsets dim dim"], offsets: np.ndarray, zone: Zone
-) -> tuple[tuple, tuple, Array]:
+def search(blocks: Float[Array, "offsets dim dim"], offsets: np.ndarray, zone: Zone) -> tuple[tuple, tuple, Array]:
     """Where the margin is, (wave x [1/spacing], is it the limit k → 0, right and left vectors); where γ² itself is
     largest, (wave, right, left); the largest |quotient| on the grid. `blocks`: the cosine series in units of M/h²."""
     dim, real = offsets.shape[1], blocks.dtype

@@ -14,8 +14,8 @@ import equinox as eqx
 import jax
 import numpy as np
 
-from ..cosine_series import packed, reached
-from ..lattice_states import STATES, States, checked_states, check_at_rest, has_series
+from ..cosine_series import reached
+from ..lattice_states import STATES, States, check_at_rest, checked_states, has_series
 from ..models.base import AbstractModel, TwoStageModel
 from ..neighbours import Family
 from ..zone import Zone, brillouin_zone
@@ -66,15 +66,14 @@ def _symbol(model: AbstractModel, fam: Family, states: States, zone: Zone) -> Ou
     k = np.where((found.is_long & ~unstable)[:, None], 0.0, x)
     k = k - 2 * np.pi * np.round(k / (2 * np.pi))  # climbs may end in the next zone: the same wave
     direction = x / np.linalg.norm(x, axis=1, keepdims=True)
-    at = found.x, found.is_long, found.mode
-    return Outcome(margin, eigenvalue, mode, k / h, direction, found.scale, at)
+    return Outcome(margin, eigenvalue, mode, k / h, direction, found.scale, tuple(found))
 
 
 def _of_blocks(model: AbstractModel, fam: Family, states: States, zone: Zone, whole: bool) -> Outcome:
     D = -2 * states.blocks.sum(axis=1)
     if whole:
-        values, vectors = np.linalg.eigh(np.where(np.isfinite(D), (D + D.transpose(0, 2, 1)) / 2, 0.0))
-        mode = vectors[..., -1]
+        symmetric = np.where(np.isfinite(D), (D + D.transpose(0, 2, 1)) / 2, 0.0)
+        mode = np.linalg.eigh(symmetric)[1][..., -1]
     else:
         mode = np.eye(fam.dim)[np.argmax(np.einsum("sii->si", D), axis=1)]
     value = np.einsum("si,sij,sj->s", mode, D, mode)
@@ -82,7 +81,11 @@ def _of_blocks(model: AbstractModel, fam: Family, states: States, zone: Zone, wh
     return Outcome(margin, value, mode, scale=np.ones(len(D)), at=mode)
 
 
-FROM_STATES = {"symbol": _symbol, "diagonal": partial(_of_blocks, whole=False), "block": partial(_of_blocks, whole=True)}
+FROM_STATES = {
+    "symbol": _symbol,
+    "diagonal": partial(_of_blocks, whole=False),
+    "block": partial(_of_blocks, whole=True),
+}
 
 
 @eqx.filter_jit

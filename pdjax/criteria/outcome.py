@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from .._checks import namespace
 from ..zone import top_pair
 
 
@@ -76,4 +77,5 @@ def verdicts(margin, tolerance) -> np.ndarray:
 
 def margin_tolerance(dtype, scale=1.0):
     """Margins nearer to zero than this are rounding: 256 eps × the largest quotient (measured noise: below 10 eps)."""
-    return 256 * jnp.finfo(dtype).eps * jnp.maximum(1.0, scale)
+    xp = namespace(scale)
+    return (256 * jnp.finfo(dtype).eps * xp.maximum(1.0, scale)).astype(dtype)

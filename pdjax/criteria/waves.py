@@ -1,6 +1,6 @@
 """The criteria that look at waves, short or long.
 
-    symbol   sup over the Brillouin zone, k → 0 included, of λ_max(Ĵ(k)) / (M κ²): exact and decisive on an infinite lattice
+    symbol   sup over the Brillouin zone, k → 0 included, of λ_max(Ĵ(k)) / (M κ²): exact and decisive on a lattice
     affine   −min over N of the acoustic tensor N·∂²W(F)·N of the energy of affine maps, over M: the limit k → 0
     local    the same of the classical law at this F; differs from affine for Seth–Hill unless m = 1
 
@@ -26,7 +26,6 @@ from ..neighbours import Family
 from ..zone import Zone, class_best, directions, largest_eigenvalue, nudge, top_pair
 from . import flutter
 from .outcome import Outcome, margin_tolerance
-
 
 GROUP = {1: 16, 2: 16, 3: 4}  # states whose starts climb together: the more, the fewer steps; the fewer, the less idle
 
@@ -130,22 +129,19 @@ def symbol(
     M = modulus_at_rest(model, fam)
     if not model.hyperelastic:
         return _by_growth(tangent, M, fam, zone, at)
-    fast, scale = None, jnp.ones((), M.dtype)
     if at is None:
         quiet, unit = jax.lax.stop_gradient((tangent, fam.spacing**2 / M))
         bonds = len(fam.influence)
         blocks = packed(series(quiet, fam.dim, bonds)) * unit
         found = search(blocks[None], 1, reached(fam.dim, bonds, rings_of(tangent)), zone)
-        x, is_long, mode, *fast, scale = jax.tree.map(lambda y: y[0], found)
-        at = x, is_long, mode
-    x, is_long, mode = at = jax.lax.stop_gradient(at)
+        at = jax.tree.map(lambda y: y[0], found)
+    x, is_long, mode, y, shape, scale = at = jax.lax.stop_gradient(at)
     phases = _frozen_angles(_phases_at(fam, x, is_long))
     work = mode @ tangent(phases) @ mode
     margin = work / (M * phases.kappa2)
 
     eigenvalue, k = jnp.where(is_long, 0 * work, work), jnp.where(is_long, 0 * x, x)
-    if fast is not None and fastest:
-        y, shape = jax.lax.stop_gradient(fast)
+    if fastest:
         unstable = jax.lax.stop_gradient(margin) > margin_tolerance(M.dtype, scale)
         growth = shape @ tangent(_frozen_angles(wave_phases(fam, y / fam.spacing))) @ shape
         eigenvalue, k = jnp.where(unstable, growth, eigenvalue), jnp.where(unstable, y, k)
@@ -155,23 +151,20 @@ def symbol(
 
 
 def _by_growth(tangent, M: Array, fam: Family, zone: Zone, at) -> Outcome:
-    scale, fast = jnp.ones((), M.dtype), None
     if at is None:
         quiet, unit = jax.lax.stop_gradient((tangent, fam.spacing**2 / M))
         bonds = len(fam.influence)
         blocks = series(quiet, fam.dim, bonds) * unit
-        at, fast, scale = flutter.search(blocks, reached(fam.dim, bonds, rings_of(tangent)), zone)
-    x, is_long, right, left = at = jax.lax.stop_gradient(at)
+        at = flutter.search(blocks, reached(fam.dim, bonds, rings_of(tangent)), zone)
+    (x, is_long, right, left), (y, *pair), scale = at = jax.lax.stop_gradient(at)
     phases = _frozen_angles(_phases_at(fam, x, is_long))
     square = flutter.quotient(tangent, phases, right, left)
     eigenvalue, k = jnp.where(is_long, 0 * square, square), jnp.where(is_long, 0 * x, x)
     mode, margin = right.real / jnp.linalg.norm(right.real), square / (M * phases.kappa2)
-    if fast is not None:
-        y, right, left = jax.lax.stop_gradient(fast)
-        growth = flutter.quotient(tangent, _frozen_angles(wave_phases(fam, y / fam.spacing)), right, left)
-        unstable = jax.lax.stop_gradient(margin) > margin_tolerance(M.dtype, scale)
-        eigenvalue, k, x = (jnp.where(unstable, a, b) for a, b in ((growth, eigenvalue), (y, k), (y, x)))
-        mode = jnp.where(unstable, right.real / jnp.linalg.norm(right.real), mode)
+    growth = flutter.quotient(tangent, _frozen_angles(wave_phases(fam, y / fam.spacing)), *pair)
+    unstable = jax.lax.stop_gradient(margin) > margin_tolerance(M.dtype, scale)
+    eigenvalue, k, x = (jnp.where(unstable, a, b) for a, b in ((growth, eigenvalue), (y, k), (y, x)))
+    mode = jnp.where(unstable, pair[0].real / jnp.linalg.norm(pair[0].real), mode)
     return Outcome(margin, eigenvalue, mode, k / fam.spacing, x / jnp.linalg.norm(x), scale, at)
 
 

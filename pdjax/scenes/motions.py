@@ -8,9 +8,9 @@ import numpy as np
 
 from .. import conditions
 from .._checks import deformation_gradient, is_concrete
-from ..lattice_states import p_wave_modulus
 from ..dynamics.system import Motion, Ramp, motion
 from ..family_search import families
+from ..lattice_states import p_wave_modulus
 from ..models.base import AbstractModel
 from ..neighbours import lattice_family
 from ..paths import uniaxial_stress
