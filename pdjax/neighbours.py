@@ -16,12 +16,11 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from ._checks import is_concrete, namespace, on_device, on_host, require
+from ._checks import in_host_memory, namespace, on_device, on_host, require
 from .influence import constant_influence
 
 TIE = 1e-9  # relative slack of the horizon
@@ -55,13 +54,6 @@ def _weight(weight, shape) -> np.ndarray | Array:
     xp = namespace(weight)
     weight = xp.broadcast_to(xp.array(weight, dtype=jnp.result_type(float)), shape)
     return require(weight, (weight >= 0).all() & (weight <= 1).all(), "bond weights must lie in [0, 1]")
-
-
-def _in_host_memory(*trees: Any) -> bool:
-    """Whether all values are known and none lies on an accelerator: moving the bonds of a body would take longer than
-    compiling a few programs."""
-    arrays = [leaf for leaf in jax.tree.leaves(trees) if isinstance(leaf, jax.Array)]
-    return is_concrete(arrays) and all(d.platform == "cpu" for a in arrays for d in a.devices())
 
 
 class Family(eqx.Module):
@@ -195,7 +187,7 @@ class Families(eqx.Module):
     def bonds(self, u: Float[Array, "points dim"], F: Float[Array, "dim dim"] | None = None) -> Bonds:
         """All bonds under the displacement u [length] on top of the mean deformation F (None: identity)."""
         self.need_arrays()
-        xp = np if _in_host_memory(self, u, F) else jnp
+        xp = np if in_host_memory(self, u, F) else jnp
         fams, u, F = on_host((self, u, F)) if xp is np else (self, u, F)
         eta: Any = u[fams.neighbours] - u[:, None, :]
         if F is not None:
@@ -222,6 +214,6 @@ class Families(eqx.Module):
         """The families with bond weights β ∈ [0, 1] times the present ones (padding stays 0)."""
         self.need_arrays()
         factor = _weight(weight, self.weight.shape)
-        product = (on_host(self.weight) if _in_host_memory(self.weight, factor) else self.weight) * factor
+        product = (on_host(self.weight) if in_host_memory(self.weight, factor) else self.weight) * factor
         lost = eqx.tree_at(lambda f: f.grid, self, None, is_leaf=lambda x: x is None)
         return eqx.tree_at(lambda f: f.weight, lost, on_device(product))
