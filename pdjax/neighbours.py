@@ -82,7 +82,7 @@ class Family(eqx.Module):
             reach += 1
         return reach
 
-    def bonds(self, F: Float[Array, "dim dim"]) -> Bonds:
+    def bonds(self, F: Float[Array | np.ndarray, "dim dim"]) -> Bonds:
         """The bonds of the family under the homogeneous deformation x = F X: η = (F − I) ξ."""
         xp = namespace(self, F)
         fam, F = on_host((self, F)) if xp is np else (self, F)
@@ -91,7 +91,7 @@ class Family(eqx.Module):
         eta, omega, volume = on_device((eta, fam.influence * fam.weight, volume))
         return Bonds(self.xi, eta, omega, volume, self.horizon)
 
-    def with_weight(self, weight: Float[Array, " bonds"]) -> "Family":
+    def with_weight(self, weight: Float[Array | np.ndarray, " bonds"]) -> "Family":
         """The family with bond weights β ∈ [0, 1]; opposite bonds must weigh the same (one bond, two ends)."""
         checked = _weight(weight, self.influence.shape)
         half = checked.shape[0] // 2
@@ -184,7 +184,9 @@ class Families(eqx.Module):
         """Of everything real here."""
         return self.volumes.dtype
 
-    def bonds(self, u: Float[Array, "points dim"], F: Float[Array, "dim dim"] | None = None) -> Bonds:
+    def bonds(
+        self, u: Float[Array | np.ndarray, "points dim"], F: Float[Array | np.ndarray, "dim dim"] | None = None
+    ) -> Bonds:
         """All bonds under the displacement u [length] on top of the mean deformation F (None: identity)."""
         self.need_arrays()
         xp = np if in_host_memory(self, u, F) else jnp
@@ -210,7 +212,7 @@ class Families(eqx.Module):
         volume = jnp.broadcast_to(self.volumes[:, None], omega.shape)
         return Bonds(-bonds.xi, -bonds.eta, omega, volume, bonds.horizon)
 
-    def with_weight(self, weight: Float[Array, "points bonds"]) -> "Families":
+    def with_weight(self, weight: Float[Array | np.ndarray, "points bonds"]) -> "Families":
         """The families with bond weights β ∈ [0, 1] times the present ones (padding stays 0)."""
         self.need_arrays()
         factor = _weight(weight, self.weight.shape)
