@@ -41,6 +41,13 @@ def still(tree: Any) -> Any:
     return jax.tree.map(lambda x: jax.lax.stop_gradient(x) if isinstance(x, jax.core.Tracer) else x, tree)
 
 
+def in_host_memory(*trees: Any) -> bool:
+    """Whether all values are known and none lies on an accelerator: moving arrays of a body would take longer than
+    compiling a few programs."""
+    arrays = [leaf for leaf in jax.tree.leaves(trees) if isinstance(leaf, jax.Array)]
+    return is_concrete(arrays) and all(d.platform == "cpu" for a in arrays for d in a.devices())
+
+
 def on_host(tree: Any) -> Any:
     """The tree with concrete JAX arrays as NumPy arrays; a scalar of weak type becomes a Python number.
 

@@ -21,7 +21,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex
 
-from ._checks import deformation_gradient, require
+from ._checks import as_array, deformation_gradient, namespace, require
 from .criteria.outcome import margin_tolerance, verdicts
 from .evaluate import force_density
 from .family_search import pack
@@ -124,7 +124,7 @@ def _symbols(model, fams, bonds, k):
 def _bonds(model: AbstractModel, fams: Families, F, u) -> Bonds:
     check_model(model, fams, Families)
     F = deformation_gradient(F, fams.dim)
-    return fams.bonds(jnp.zeros((len(fams), fams.dim)) if u is None else point_field(u, fams), F)
+    return fams.bonds(np.zeros((len(fams), fams.dim), fams.dtype) if u is None else point_field(u, fams), F)
 
 
 def cell_symbol(model: AbstractModel, fams: Families, F, k, u=None) -> Complex[Array, "waves dof dof"]:
@@ -135,10 +135,10 @@ def cell_symbol(model: AbstractModel, fams: Families, F, k, u=None) -> Complex[A
     Returns: (waves, points·dim, points·dim) [force/length^(dim+1)], Hermitian for a model with an energy.
     Raises: ValueError as `force_density`.
     """
-    k = jnp.asarray(k, dtype=fams.xi.dtype)
+    k = as_array(k, fams.dtype)
     if k.ndim != 2 or k.shape[1] != fams.dim:
         raise ValueError(f"k must have shape (waves, {fams.dim}) for this cell; got {k.shape}")
-    return _symbols(model, fams, _bonds(model, fams, F, u), require(k, jnp.isfinite(k), "k must be finite"))
+    return _symbols(model, fams, _bonds(model, fams, F, u), require(k, namespace(k).isfinite(k), "k must be finite"))
 
 
 def relaxed(model: AbstractModel, fams: Families, F, tolerance: float = 1e-12, steps: int = 30) -> Array:
@@ -149,7 +149,7 @@ def relaxed(model: AbstractModel, fams: Families, F, tolerance: float = 1e-12, s
     F = deformation_gradient(F, fams.dim)
     u = np.zeros((len(fams), fams.dim))
     if len(fams) == 1:
-        return jnp.asarray(u)
+        return as_array(u)
     free = slice(fams.dim, None)
 
     def linearised(u):
@@ -158,10 +158,10 @@ def relaxed(model: AbstractModel, fams: Families, F, tolerance: float = 1e-12, s
 
     f, J = linearised(u)
     scale, stiff = np.abs(f).max(), np.abs(J).max() * float(fams.horizon)
-    rounding = 64 * float(jnp.finfo(fams.xi.dtype).eps) * stiff * float(np.abs(F - np.eye(fams.dim)).max())
+    rounding = 64 * float(jnp.finfo(fams.xi.dtype).eps) * stiff * float(np.abs(np.asarray(F) - np.eye(fams.dim)).max())
     for _ in range(steps):
         if np.abs(f[free]).max() <= max(tolerance * scale, rounding):
-            return jnp.asarray(u)
+            return as_array(u)
         move = np.linalg.lstsq(J[free, free], f[free], rcond=1e-12)[0]
         u = u - np.concatenate([np.zeros(fams.dim), move]).reshape(u.shape)
         f, J = linearised(u)

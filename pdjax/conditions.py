@@ -15,8 +15,9 @@ it. Source of the idea of layers: Silling & Askari 2005.
 
 from typing import Any, NamedTuple
 
-import jax.numpy as jnp
 import numpy as np
+
+from ._checks import as_array
 
 
 class Prescribed(NamedTuple):
@@ -87,17 +88,17 @@ def prescribe(points, u=0.0, components=None) -> Prescribed:
     chosen = None if components is None else tuple(int(c) for c in np.atleast_1d(components))
     if chosen is not None and (len(set(chosen)) != len(chosen) or not chosen):
         raise ValueError(f"components must be different numbers such as (0, 1); got {components!r}")
-    return Prescribed(*point_numbers(points), jnp.asarray(u, dtype=float), chosen)
+    return Prescribed(*point_numbers(points), as_array(u), chosen)
 
 
 def body_force(points, b) -> BodyForce:
     """A body force density b [force/length^dim]: a number in 1D, (dim,), or (points named, dim)."""
-    return BodyForce(*point_numbers(points), jnp.asarray(b, dtype=float))
+    return BodyForce(*point_numbers(points), as_array(b))
 
 
 def total_force(points, force) -> TotalForce:
     """A force (dim,) [force] spread evenly over the points named: the crude traction of the module's head."""
-    return TotalForce(*point_numbers(points), jnp.asarray(force, dtype=float))
+    return TotalForce(*point_numbers(points), as_array(force))
 
 
 def homogeneous_traction(points, F, model=None) -> HomogeneousTraction:
@@ -105,4 +106,4 @@ def homogeneous_traction(points, F, model=None) -> HomogeneousTraction:
 
     `model`: whose internal force is meant, if not the body's own (a graded body's material at the surface).
     """
-    return HomogeneousTraction(*point_numbers(points), jnp.asarray(F, dtype=float), model)
+    return HomogeneousTraction(*point_numbers(points), as_array(F), model)

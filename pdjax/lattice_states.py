@@ -29,17 +29,17 @@ STATES = 16
 
 class States(NamedTuple):
     """blocks (states, offsets, dim, dim) [force/length^(dim+1)] of the cosine series, half of the offsets they stand
-    for (offsets, dim), M [pressure], spacing [length]; all NumPy."""
+    for (offsets, dim), M [pressure] (of all, or one for each state), spacing [length]; all NumPy."""
 
     blocks: np.ndarray
     offsets: np.ndarray
-    modulus: float
+    modulus: Any
     spacing: float
 
     @property
     def scaled(self) -> np.ndarray:
         """The blocks in units of M/h²."""
-        return self.blocks * (self.spacing**2 / self.modulus)
+        return self.blocks * np.reshape(self.spacing**2 / self.modulus, (-1, 1, 1, 1))
 
 
 def _rings(model: AbstractModel) -> int:

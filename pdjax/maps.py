@@ -11,6 +11,7 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path as FilePath
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -19,16 +20,22 @@ import numpy as np
 from jax.sharding import Mesh
 from jaxtyping import Float
 
-from ._checks import choice, finite, writable, written_whole
+from ._checks import as_real, choice, finite, writable, written_whole
 from ._progress import progress
+from .bloch import homogeneous_tangent, modulus_at_rest
+from .cosine_series import reached, series
 from .criteria import CRITERIA, check_at_rest, evaluate, family_zone, margin_tolerance, verdicts
+from .criteria.critical import deformations
+from .criteria.on_host import FROM_STATES, from_states
 from .devices import device_mesh, sharded_vmap
 from .influence import constant_influence
+from .lattice_states import States, has_series
 from .laws import Law, law_label
-from .models.base import AbstractModel
+from .models.base import AbstractModel, TwoStageModel
 from .models.seth_hill import SethHill
-from .neighbours import lattice_family
+from .neighbours import Family, lattice_family
 from .paths import Path, hydrostatic, path_symmetry
+from .zone import Zone, brillouin_zone
 
 _SAVE_EVERY = 30.0  # seconds between partial saves
 _CHUNK_BYTES = 2**23  # of screened symbols at once: what the caches hold
@@ -99,9 +106,9 @@ class _SethHillOf(eqx.Module):
 
 
 @eqx.filter_jit
-def _chunk(m, a, fam, make, path: Path, names: tuple[str, ...], intervals: int | None, mesh: Mesh | None):
+def _chunk(m, a, fam, make, path: Path, names: tuple[str, ...], intervals: int, symmetry: str, mesh: Mesh | None):
     """(margin, eigenvalue, tolerance) of every named criterion, for pairs (m, a)."""
-    zone = family_zone(fam, path_symmetry(path, fam, make(m[0]).isotropic), intervals)
+    zone = brillouin_zone(fam.dim, intervals, symmetry)
 
     def one(m, a):
         model = make(m)
@@ -112,12 +119,43 @@ def _chunk(m, a, fam, make, path: Path, names: tuple[str, ...], intervals: int |
     return (jax.vmap(one) if mesh is None else sharded_vmap(one, mesh))(m, a)
 
 
+@eqx.filter_jit
+def _linearised_chunk(m, a, fam, make, path: Path):
+    """The cosine series and the P-wave modulus of every pair (m, a)."""
+
+    def one(m, a):
+        model = make(m)
+        tangent = homogeneous_tangent(model, fam, path(a, model, fam))
+        return series(tangent, fam.dim, len(fam.influence)), modulus_at_rest(model, fam)
+
+    return jax.vmap(one)(m, a)
+
+
+def _evaluated(job: "_Job", make: Callable, path: Path, mesh: Mesh | None) -> list[tuple]:
+    """(margin, eigenvalue, tolerance) of the job's criteria: from the linearised states where that is enough, so that
+    the search is the program that all models share; the rest, and all on many devices, in one program."""
+    fam, zone, model = job.fam, job.zone, make(job.m[0])
+    found: dict[str, Any] = {}
+    able = [n for n in job.names if n in FROM_STATES] if mesh is None and has_series(model) else []
+    if able and (model.hyperelastic or "symbol" not in able):
+        blocks, modulus = jax.device_get(_linearised_chunk(job.m, job.a, fam, make, path))
+        rings = 3 if isinstance(model, TwoStageModel) else 2
+        states = States(blocks, reached(fam.dim, len(fam.influence), rings), modulus, float(fam.spacing))
+        found = {name: from_states(name, model, fam, states, zone) for name in able}
+        found = {n: (o.margin, o.eigenvalue, margin_tolerance(job.m.dtype, o.scale)) for n, o in found.items()}
+    rest = tuple(n for n in job.names if n not in found)
+    if rest:
+        traced = _chunk(job.m, job.a, fam, make, path, rest, zone.intervals, zone.symmetry, mesh)
+        found |= dict(zip(rest, traced, strict=True))
+    return [found[name] for name in job.names]
+
+
 def _check_loads(a: np.ndarray, model: AbstractModel, fam, path: Path) -> None:
     """Refuse loads whose deformation is not one: a stretch 1 + a ≤ 0, or det F ≤ 0 on a user's path."""
     if getattr(path, "stretch", False) and (a <= -1).any():
         i = int(np.argmax(a <= -1))
         raise ValueError(f"a must be > -1, for 1 + a is a stretch of this path; a[{i}] = {a[i]:g}")
-    det = np.asarray(jax.vmap(lambda x: jnp.linalg.det(path(x, model, fam)))(jnp.asarray(a, fam.xi.dtype)))
+    det = np.linalg.det(np.asarray(deformations(path, np.asarray(a, fam.xi.dtype), model, fam)))
     if (det <= 0).any():
         i = int(np.argmax(det <= 0))
         raise ValueError(f"a must keep det F > 0 along the path; a[{i}] = {a[i]:g} gives det F = {det[i]:g}")
@@ -135,13 +173,13 @@ def _check_memory(shape: tuple[int, ...], criteria: int) -> None:
 
 def _check_models(make: Callable, orders: np.ndarray, loads: np.ndarray, fams: list, path: Path) -> AbstractModel:
     """The model of the first order, when all are models that these families can rest in and the loads apply."""
-    first = make(jnp.asarray(orders[0]))
+    first = make(as_real(orders[0]))
     if not isinstance(first, AbstractModel):
         raise ValueError(f"model must be a function m -> pdjax model; it gave {type(first).__name__}")
     alike = isinstance(make, _SethHillOf)  # at rest the order of a Seth–Hill strain changes nothing
     for fam in fams:
         for m in orders[: 1 if alike else None]:
-            check_at_rest(make(jnp.asarray(m)), fam)
+            check_at_rest(make(as_real(m)), fam)
         _check_loads(loads, first, fam, path)
     return first
 
@@ -233,12 +271,12 @@ def stability_map(
     jobs = []
     for n, (fam, zone) in enumerate(zip(fams, zones, strict=True)):
         wide = 8 * len(zone.grid) * dim * (dim + 4)
-        jobs += _jobs(fam, names[:1], orders, loads, wide, devices, results[:, n].reshape(3, 1, -1))
+        jobs += _jobs(fam, zone, names[:1], orders, loads, wide, devices, results[:, n].reshape(3, 1, -1))
         if lines:
-            jobs += _jobs(fam, names[1:], thin_m, thin_a, wide, devices, extra[:, n].reshape(1, len(lines), -1))
+            jobs += _jobs(fam, zone, names[1:], thin_m, thin_a, wide, devices, extra[:, n].reshape(1, len(lines), -1))
     saved = time.monotonic()
     for job in progress(jobs, len(jobs), f"{criterion} map", show_progress):
-        _do(job, make, path, resolution, mesh)
+        _do(job, make, path, mesh)
         if target is not None and time.monotonic() - saved > _SAVE_EVERY:
             result().save(target)
             saved = time.monotonic()
@@ -248,22 +286,31 @@ def stability_map(
     return final
 
 
-def _jobs(fam, names: tuple[str, ...], orders, loads, wide: float, devices: int, out: np.ndarray) -> list:
-    """The grid of one family in chunks of equal size: (family, criteria, m, a, where the results go)."""
-    M, A = (x.reshape(-1) for x in np.meshgrid(orders, loads, indexing="ij"))
+class _Job(NamedTuple):
+    """One chunk of the grid of one family: pairs (m, a), and where the results go."""
+
+    fam: Family
+    zone: Zone
+    names: tuple[str, ...]
+    m: np.ndarray
+    a: np.ndarray
+    index: np.ndarray
+    out: np.ndarray
+
+
+def _jobs(fam, zone: Zone, names: tuple[str, ...], orders, loads, wide: float, devices: int, out: np.ndarray) -> list:
+    """The grid of one family in chunks of equal size."""
+    M, A = (x.reshape(-1).astype(fam.xi.dtype) for x in np.meshgrid(orders, loads, indexing="ij"))
     size = min(int(np.clip(_CHUNK_BYTES // wide, 16, 4096)) * devices, len(M))
     jobs = []
     for start in range(0, len(M), size):
         index = np.minimum(np.arange(start, start + size), len(M) - 1)  # the last chunk repeats its last state
-        jobs.append((fam, names, M[index], A[index], index, out))
+        jobs.append(_Job(fam, zone, names, M[index], A[index], index, out))
     return jobs
 
 
-def _do(job: tuple, make: Callable, path: Path, resolution: int | None, mesh: Mesh | None) -> None:
+def _do(job: _Job, make: Callable, path: Path, mesh: Mesh | None) -> None:
     """Evaluate one chunk and put its results where they go."""
-    fam, names, m, a, index, out = job
-    real = fam.xi.dtype
-    values = _chunk(jnp.asarray(m, real), jnp.asarray(a, real), fam, make, path, names, resolution, mesh)
-    for c, kinds in enumerate(values):
-        for kind in range(len(out)):
-            out[kind, c, index] = np.asarray(kinds[kind])
+    for c, kinds in enumerate(_evaluated(job, make, path, mesh)):
+        for kind in range(len(job.out)):
+            job.out[kind, c, job.index] = np.asarray(kinds[kind])

@@ -16,12 +16,11 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from ._checks import is_concrete, namespace, on_device, on_host, require
+from ._checks import in_host_memory, namespace, on_device, on_host, require
 from .influence import constant_influence
 
 TIE = 1e-9  # relative slack of the horizon
@@ -57,13 +56,6 @@ def _weight(weight, shape) -> np.ndarray | Array:
     return require(weight, (weight >= 0).all() & (weight <= 1).all(), "bond weights must lie in [0, 1]")
 
 
-def _in_host_memory(*trees: Any) -> bool:
-    """Whether all values are known and none lies on an accelerator: moving the bonds of a body would take longer than
-    compiling a few programs."""
-    arrays = [leaf for leaf in jax.tree.leaves(trees) if isinstance(leaf, jax.Array)]
-    return is_concrete(arrays) and all(d.platform == "cpu" for a in arrays for d in a.devices())
-
-
 class Family(eqx.Module):
     """One interior family of a uniform lattice. Lengths share the unit of `spacing`.
 
@@ -90,7 +82,7 @@ class Family(eqx.Module):
             reach += 1
         return reach
 
-    def bonds(self, F: Float[Array, "dim dim"]) -> Bonds:
+    def bonds(self, F: Float[Array | np.ndarray, "dim dim"]) -> Bonds:
         """The bonds of the family under the homogeneous deformation x = F X: η = (F − I) ξ."""
         xp = namespace(self, F)
         fam, F = on_host((self, F)) if xp is np else (self, F)
@@ -99,7 +91,7 @@ class Family(eqx.Module):
         eta, omega, volume = on_device((eta, fam.influence * fam.weight, volume))
         return Bonds(self.xi, eta, omega, volume, self.horizon)
 
-    def with_weight(self, weight: Float[Array, " bonds"]) -> "Family":
+    def with_weight(self, weight: Float[Array | np.ndarray, " bonds"]) -> "Family":
         """The family with bond weights β ∈ [0, 1]; opposite bonds must weigh the same (one bond, two ends)."""
         checked = _weight(weight, self.influence.shape)
         half = checked.shape[0] // 2
@@ -192,10 +184,12 @@ class Families(eqx.Module):
         """Of everything real here."""
         return self.volumes.dtype
 
-    def bonds(self, u: Float[Array, "points dim"], F: Float[Array, "dim dim"] | None = None) -> Bonds:
+    def bonds(
+        self, u: Float[Array | np.ndarray, "points dim"], F: Float[Array | np.ndarray, "dim dim"] | None = None
+    ) -> Bonds:
         """All bonds under the displacement u [length] on top of the mean deformation F (None: identity)."""
         self.need_arrays()
-        xp = np if _in_host_memory(self, u, F) else jnp
+        xp = np if in_host_memory(self, u, F) else jnp
         fams, u, F = on_host((self, u, F)) if xp is np else (self, u, F)
         eta: Any = u[fams.neighbours] - u[:, None, :]
         if F is not None:
@@ -218,10 +212,10 @@ class Families(eqx.Module):
         volume = jnp.broadcast_to(self.volumes[:, None], omega.shape)
         return Bonds(-bonds.xi, -bonds.eta, omega, volume, bonds.horizon)
 
-    def with_weight(self, weight: Float[Array, "points bonds"]) -> "Families":
+    def with_weight(self, weight: Float[Array | np.ndarray, "points bonds"]) -> "Families":
         """The families with bond weights β ∈ [0, 1] times the present ones (padding stays 0)."""
         self.need_arrays()
         factor = _weight(weight, self.weight.shape)
-        product = (on_host(self.weight) if _in_host_memory(self.weight, factor) else self.weight) * factor
+        product = (on_host(self.weight) if in_host_memory(self.weight, factor) else self.weight) * factor
         lost = eqx.tree_at(lambda f: f.grid, self, None, is_leaf=lambda x: x is None)
         return eqx.tree_at(lambda f: f.weight, lost, on_device(product))

@@ -20,7 +20,7 @@ import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Array, Bool, Float, Int
 
-from ._checks import deformation_gradient, is_concrete
+from ._checks import as_array, deformation_gradient, is_concrete, namespace, on_device, on_host
 from .conditions import BodyForce, Condition, HomogeneousTraction, Prescribed, TotalForce, check_points
 from .evaluate import ForceOperator, force_density, force_operator
 from .force import check_model
@@ -56,17 +56,24 @@ class Scene(eqx.Module):
         flags[np.asarray(self.unknowns)] = True
         return flags.reshape(self.prescribed.shape)
 
-    def displacement(self, q: Float[Array, " unknowns"], factor=1.0) -> Float[Array, "points dim"]:
+    def displacement(self, q: Float[Array | np.ndarray, " unknowns"], factor=1.0) -> Float[Array, "points dim"]:
         """u (points, dim) [length] from the free components q and the load factor."""
-        flat = (jnp.asarray(factor, self.prescribed.dtype) * self.prescribed).reshape(-1)
-        return flat.at[self.unknowns].set(q).reshape(self.prescribed.shape)
+        shape, dtype = self.prescribed.shape, self.prescribed.dtype
+        if is_concrete(self.prescribed, self.unknowns, q, factor):
+            u = np.asarray(factor, dtype) * np.asarray(self.prescribed)
+            u.reshape(-1)[np.asarray(self.unknowns)] = np.asarray(q)
+            return jax.device_put(u)
+        flat = (jnp.asarray(factor, dtype) * self.prescribed).reshape(-1)
+        return flat.at[self.unknowns].set(q).reshape(shape)
 
     def mean_deformation(self, factor=1.0):
         """I + λ (F − I), or None."""
         if self.mean is None:
             return None
-        eye = jnp.eye(self.mean.shape[0], dtype=self.mean.dtype)
-        return eye + factor * (self.mean - eye)
+        xp = namespace(self.mean, factor)
+        mean, factor = on_host((self.mean, factor)) if xp is np else (self.mean, factor)
+        eye = xp.eye(mean.shape[0], dtype=mean.dtype)
+        return on_device(eye + factor * (mean - eye))
 
     def prepared(self) -> "Scene":
         """The same scene with all of its force that does not depend on u computed: for loops of many evaluations."""
@@ -80,9 +87,10 @@ class Scene(eqx.Module):
         return self.families.volumes[:, None] * (f + factor * self.load)
 
 
-def _spread(value: Array, shape: tuple[int, int], name: str) -> Array:
+def _spread(value: Any, shape: tuple[int, int], name: str) -> Any:
+    """`value` for every point named and component: a NumPy array if it is known."""
     try:
-        return jnp.broadcast_to(value, shape)
+        return namespace(value).broadcast_to(value, shape)
     except ValueError:
         raise ValueError(f"{name} must broadcast to (points named, components) = {shape}; got {value.shape}") from None
 
@@ -91,10 +99,19 @@ def _check_points(condition: Condition, points: int) -> np.ndarray:
     return check_points(type(condition).__name__, condition.points, condition.mask, points)
 
 
-def _prescribe(conditions: Sequence[Condition], shape: tuple[int, int], eps: float) -> tuple[np.ndarray, Array]:
+def _put(array: Any, index: tuple[np.ndarray, ...], new: Any, add: bool = False) -> Any:
+    """The array with `new` set at the index, or added to what is there: in place where all is known."""
+    if namespace(array, new) is np:
+        array[index] = new + array[index] if add else new
+        return array
+    array = jnp.asarray(array)
+    return array.at[index].add(new) if add else array.at[index].set(new)
+
+
+def _prescribe(conditions: Sequence[Condition], shape: tuple[int, int], eps: float) -> tuple[np.ndarray, Any]:
     """(held (points, dim), their values); refuses values for one component that differ by more than eps."""
     held = np.zeros(shape, dtype=bool)
-    value = jnp.zeros(shape)
+    value: Any = np.zeros(shape, jnp.result_type(float))
     for condition in conditions:
         if not isinstance(condition, Prescribed):
             continue
@@ -108,7 +125,7 @@ def _prescribe(conditions: Sequence[Condition], shape: tuple[int, int], eps: flo
         again = held[np.ix_(p, c)]
         if again.any() and is_concrete(new, value):
             old = np.asarray(value)[np.ix_(p, c)]
-            scale = max(float(np.abs(old).max()), float(jnp.abs(new).max()))
+            scale = max(float(np.abs(old).max()), float(np.abs(new).max()))
             clash = again & (np.abs(old - np.asarray(new)) > eps * scale)
             if clash.any():
                 i, k = np.argwhere(clash)[0]
@@ -117,12 +134,12 @@ def _prescribe(conditions: Sequence[Condition], shape: tuple[int, int], eps: flo
                     f" {float(new[i, k]):g} ({int(clash.sum())} such components)"
                 )
         held[np.ix_(p, c)] = True
-        value = value.at[p[:, None], c[None, :]].set(new)
+        value = _put(value, np.ix_(p, c), new)
     return held, value
 
 
-def _load(conditions: Sequence[Condition], body: Points, fams: Families, model, held: np.ndarray) -> Array:
-    load = jnp.zeros(held.shape)
+def _load(conditions: Sequence[Condition], body: Points, fams: Families, model, held: np.ndarray) -> Any:
+    load: Any = np.zeros(held.shape, jnp.result_type(float))
     for condition in conditions:
         if isinstance(condition, Prescribed):
             continue
@@ -130,17 +147,16 @@ def _load(conditions: Sequence[Condition], body: Points, fams: Families, model, 
         shape = (len(p), body.dim)
         if isinstance(condition, HomogeneousTraction):
             F = deformation_gradient(condition.F, body.dim)
-            b = -force_density(
-                condition.model if condition.model is not None else model, fams, jnp.zeros(held.shape), F
-            )[p]
-            b = jnp.where(held[p], 0.0, b)
+            pulled = model if condition.model is None else condition.model
+            force = on_host(force_density(pulled, fams, on_device(np.zeros(held.shape)), F))
+            b = namespace(force).where(held[p], 0.0, -force[p])
         elif isinstance(condition, TotalForce):
-            b = _spread(condition.force / float(body.volumes[p].sum()), shape, "force of total_force")
+            b = _spread(on_host(condition.force) / float(body.volumes[p].sum()), shape, "force of total_force")
         elif isinstance(condition, BodyForce):
             b = _spread(condition.b, shape, "b of body_force")
         else:
             raise ValueError(f"conditions must come from prescribe, body_force, total_force …; got {condition!r}")
-        value = jax.lax.stop_gradient(b)
+        value = b if is_concrete(b) else jax.lax.stop_gradient(b)
         clash = held[p] & ((np.asarray(value) != 0) if is_concrete(value) else False)
         if clash.any():
             i, k = np.argwhere(clash)[0]
@@ -150,7 +166,7 @@ def _load(conditions: Sequence[Condition], body: Points, fams: Families, model, 
             )
         if is_concrete(b) and not np.isfinite(np.asarray(b)).all():
             raise ValueError("a load must be finite; it holds NaN or infinity")
-        load = load.at[p].add(b)
+        load = _put(load, (p,), b, add=True)
     return load
 
 
@@ -245,18 +261,18 @@ def scene(
     load = _load(conditions, body, fams, model, held)
     real = fams.dtype
     if closed_form is not None:
-        closed_form = jnp.asarray(closed_form, dtype=real)
+        closed_form = as_array(closed_form, real)
         if closed_form.shape != shape:
             raise ValueError(f"closed_form must have shape (points, dim) = {shape}; got {closed_form.shape}")
     if mean is not None:
-        mean = deformation_gradient(mean, body.dim).astype(real)
+        mean = as_array(deformation_gradient(mean, body.dim), real)
     return Scene(
         body,
         fams,
         model,
         np.flatnonzero(~held.reshape(-1)).astype(np.int32),
-        value.astype(real),
-        load.astype(real),
+        on_device(value.astype(real)),
+        on_device(load.astype(real)),
         mean,
         closed_form,
         name,

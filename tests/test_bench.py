@@ -9,8 +9,9 @@ import pytest
 
 import pdjax as pd
 from pdjax.__main__ import main
-from pdjax.bench import cases, device
+from pdjax.bench import cases, device, start
 from pdjax.bench.chart import error_against_time
+from pdjax.bench.first_calls import CALLS, MAIN
 from pdjax.bench.harness import Case, Task, counted, kernel, run_case
 
 
@@ -150,6 +151,31 @@ def test_a_task_of_every_kind_gives_a_row(name):
         row = task.measure()
         assert row["seconds"] > 0 and row["error"] is not None
         assert row["error"] < {"jacobians": 1e-2, "ways": 1e-13}.get(name, 10)  # 3e-3 (the largest step); 2e-15
+
+
+def test_first_answers_are_medians_over_processes_beside_the_cached_and_the_later_calls(tmp_path, monkeypatch):
+    """With processes that answer what they are told: 1, 2, 3 ... seconds, units of 0.5 s."""
+    asked = []
+
+    def process(arguments, kept, folder=None):
+        asked.append((arguments, kept))
+        names = [name for name in arguments if name in CALLS]
+        told = {"programs": 2, "lines": 30} if "--count" in arguments else {}
+        told |= {"unit": 0.5, "first": float(len(asked)), "second": 0.01}
+        return 7.0, "\n".join(json.dumps({"name": name, **told}) for name in names)
+
+    monkeypatch.setattr(start, "_run", process)
+    row = start.answered(("simulate",), quick=False)["simulate"]
+    assert [kept is None for _, kept in asked] == [False] * 3 + [True] * 5  # counted, read twice, measured from nothing
+    assert (row["seconds"], row["fastest"], row["slowest"]) == (6.0, 4.0, 8.0)  # the fourth process to the eighth
+    assert (row["in_units"], row["cached_seconds"], row["second_seconds"]) == (12.0, 2.5, 0.01)
+    assert (row["programs"], row["lines"], row["compile_seconds"]) == (2, 30, pytest.approx(5.99))
+    asked.clear()
+    record = run_case("start", start.CASE, tmp_path, True, silent)
+    assert [row["method"] for row in record["rows"]][: len(CALLS)] == list(CALLS)
+    assert {row["seconds"] for row in record["rows"][len(CALLS) :]} == {7.0}
+    assert len(asked) == 3 * (len(MAIN) + 1) + 4 * 6 + 2  # small calls share processes; imports; a map, cold and cached
+    assert (tmp_path / "start-quick.png").stat().st_size > 20_000
 
 
 ROWS = {

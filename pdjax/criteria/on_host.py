@@ -22,22 +22,25 @@ from ..zone import Zone, brillouin_zone
 from .outcome import Outcome, margin_tolerance
 from .waves import Found, search
 
+MANY = 64  # states that climb together where there are many of them
+
 
 @lru_cache(maxsize=64)
-def _search(dim: int, bonds: int, rings: int, intervals: int, symmetry: str) -> Any:
+def _search(dim: int, bonds: int, rings: int, intervals: int, symmetry: str, group: int | None) -> Any:
     """The search as one program: its sizes are all it is made for."""
     offsets, zone = reached(dim, bonds, rings), brillouin_zone(dim, intervals, symmetry)
-    return jax.jit(lambda blocks, count: search(blocks, count, offsets, zone))
+    return jax.jit(lambda blocks, count: search(blocks, count, offsets, zone, group))
 
 
 def searched(states: States, model: AbstractModel, fam: Family, zone: Zone) -> Found:
     """Where the searches of all states ended, in NumPy."""
     scaled = np.asarray(_packed(states.scaled), fam.xi.dtype)
-    padded = np.zeros((STATES, *scaled.shape[1:]), scaled.dtype)
-    padded[: len(scaled)] = scaled
-    rings = 3 if isinstance(model, TwoStageModel) else 2
-    program = _search(fam.dim, len(fam.influence), rings, zone.intervals, zone.symmetry)
-    return Found(*(x[: len(scaled)] for x in jax.device_get(program(padded, np.asarray(len(scaled))))))
+    count, size = len(scaled), max(STATES, len(scaled))
+    padded = np.zeros((size, *scaled.shape[1:]), scaled.dtype)
+    padded[:count] = scaled
+    rings, group = (3 if isinstance(model, TwoStageModel) else 2), (None if size == STATES else MANY)
+    program = _search(fam.dim, len(fam.influence), rings, zone.intervals, zone.symmetry, group)
+    return Found(*(x[:count] for x in jax.device_get(program(padded, np.asarray(count)))))
 
 
 def _packed(blocks: np.ndarray) -> np.ndarray:
@@ -51,6 +54,13 @@ def _work(blocks: np.ndarray, offsets: np.ndarray, x: np.ndarray, is_long: np.nd
     c = np.where(is_long[:, None], angle**2, 4 * np.sin(angle / 2) ** 2)
     kappa2 = np.where(is_long[:, None], x**2, 4 * np.sin(x / 2) ** 2).sum(axis=1)
     return -np.einsum("so,si,soij,sj->s", c, v, blocks, v), kappa2
+
+
+def from_states(criterion: str, model: AbstractModel, fam: Family, states: States, zone: Zone) -> Outcome | None:
+    """The named criterion of linearised states, in NumPy; None if it needs more than their series."""
+    if criterion not in FROM_STATES or not has_series(model) or (criterion == "symbol" and not model.hyperelastic):
+        return None
+    return FROM_STATES[criterion](model, fam, states, zone)
 
 
 def _symbol(model: AbstractModel, fam: Family, states: States, zone: Zone) -> Outcome:
@@ -77,7 +87,7 @@ def _of_blocks(model: AbstractModel, fam: Family, states: States, zone: Zone, wh
     else:
         mode = np.eye(fam.dim)[np.argmax(np.einsum("sii->si", D), axis=1)]
     value = np.einsum("si,sij,sj->s", mode, D, mode)
-    margin = value / (states.modulus * 2 * fam.dim / states.spacing**2)
+    margin = value / (np.asarray(states.modulus) * 2 * fam.dim / states.spacing**2)
     return Outcome(margin, value, mode, scale=np.ones(len(D)), at=mode)
 
 
@@ -99,8 +109,10 @@ def _traced(criterion: str, model: AbstractModel, fam: Family, F, intervals: int
 def outcomes(criterion: str, model: AbstractModel, fam: Family, F: np.ndarray, zone: Zone) -> Outcome:
     """The named criterion at the deformations F (states, dim, dim), at most STATES: an `Outcome` of NumPy arrays with
     a leading axis. Checks the family and the resting state first."""
-    if criterion in FROM_STATES and has_series(model) and (criterion != "symbol" or model.hyperelastic):
-        return FROM_STATES[criterion](model, fam, checked_states(model, fam, F), zone)
+    if criterion in FROM_STATES and has_series(model):
+        out = from_states(criterion, model, fam, checked_states(model, fam, F), zone)
+        if out is not None:
+            return out
     check_at_rest(model, fam)
     padded = np.broadcast_to(np.eye(fam.dim), (STATES, fam.dim, fam.dim)).astype(fam.xi.dtype)
     padded[: len(F)] = F

@@ -61,13 +61,15 @@ def _screen(blocks: Float[Array, "offsets p"], offsets: np.ndarray, zone: Zone) 
     return starts, jnp.concatenate([values[:, waves].T, long[way][None]]), jnp.max(jnp.abs(screen))
 
 
-def search(blocks: Float[Array, "states offsets p"], count: Any, offsets: np.ndarray, zone: Zone) -> Found:
+def search(
+    blocks: Float[Array, "states offsets p"], count: Any, offsets: np.ndarray, zone: Zone, group: int | None = None
+) -> Found:
     """Search the zone of the first `count` states; the rest is padding, whose result means nothing.
 
-    blocks: the cosine series of every state in units of M/h² (`packed`).
+    blocks: the cosine series of every state in units of M/h² (`packed`); group: how many states climb together.
     """
     states, dim, real = blocks.shape[0], offsets.shape[1], blocks.dtype
-    group = math.gcd(states, GROUP[dim])
+    group = math.gcd(states, group or GROUP[dim])
 
     def one_group(i, found):
         some = jax.lax.dynamic_slice_in_dim(blocks, i * group, group)

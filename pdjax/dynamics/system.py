@@ -13,9 +13,10 @@ from typing import Any
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from .._checks import as_real, is_concrete
+from .._checks import as_array, as_real, check_positive, is_concrete, namespace, on_device, on_host
 from ..force import point_field
 from ..problem import Scene
 
@@ -33,8 +34,7 @@ class Ramp(eqx.Module):
     duration: Float[Array, ""] = eqx.field(converter=as_real)
 
     def __check_init__(self):
-        if is_concrete(self.duration) and not (jnp.isfinite(self.duration) and self.duration > 0):
-            raise ValueError(f"duration of a ramp must be finite and > 0; got {self.duration}")
+        check_positive("duration of a ramp", self.duration)
 
     def __call__(self, t):
         return jnp.where(t < self.duration, t / self.duration, 1.0)
@@ -46,6 +46,45 @@ class SmoothRamp(Ramp):
     def __call__(self, t):
         tau = jnp.where(t < self.duration, t / self.duration, 1.0)
         return tau**2 * (3 - 2 * tau)
+
+
+def _hold(schedule: Any, t: np.ndarray) -> tuple[Any, Any]:
+    return np.ones_like(t), np.zeros_like(t)
+
+
+def _ramp(schedule: Any, t: np.ndarray) -> tuple[Any, Any]:
+    duration = np.asarray(schedule.duration)
+    return np.where(t < duration, t / duration, 1), np.where(t < duration, 1 / duration, 0)
+
+
+def _smooth_ramp(schedule: Any, t: np.ndarray) -> tuple[Any, Any]:
+    tau, rate = _ramp(schedule, t)
+    return tau**2 * (3 - 2 * tau), 6 * tau * (1 - tau) * rate
+
+
+# λ and dλ/dt of the schedules made here, in NumPy. By their exact types: a subclass may have another λ.
+_IN_NUMPY: dict[Any, Callable] = {Hold: _hold, Ramp: _ramp, SmoothRamp: _smooth_ramp}
+
+
+def _value_and_rate(schedule: Callable[[Any], Any], t: Array) -> tuple[Array, Array]:
+    return jax.jvp(lambda s: jnp.asarray(schedule(s), t.dtype), (t,), (jnp.ones_like(t),))
+
+
+_in_one_program = eqx.filter_jit(_value_and_rate)
+
+
+@eqx.filter_jit
+def _values_and_rates(schedule: Callable[[Any], Any], times: Array) -> tuple[Array, Array]:
+    return jax.vmap(lambda t: _value_and_rate(schedule, t))(times)
+
+
+def _factors(schedule: Callable[[Any], Any], times: np.ndarray) -> tuple[Any, Any]:
+    """λ and dλ/dt at every time: in NumPy where the schedule is known and made here, else by one program."""
+    known = _IN_NUMPY.get(type(schedule))
+    if known is None or not is_concrete(schedule):
+        return on_host(_values_and_rates(schedule, on_device(times)))
+    value, rate = known(schedule, times)
+    return np.asarray(value, times.dtype), np.asarray(rate, times.dtype)
 
 
 class Motion(eqx.Module):
@@ -66,6 +105,8 @@ class Motion(eqx.Module):
     @property
     def free(self) -> Bool[Array, "points dim"]:
         """Which components move freely (traced)."""
+        if is_concrete(self.scene.unknowns):
+            return on_device(self.scene.free)
         shape = self.scene.prescribed.shape
         flags = jnp.zeros(self.scene.prescribed.size, bool).at[self.scene.unknowns].set(True)
         return flags.reshape(shape)
@@ -81,8 +122,12 @@ class Motion(eqx.Module):
 
     def factor(self, t) -> tuple[Array, Array]:
         """λ and dλ/dt at t."""
-        t = jnp.asarray(t, self.start.dtype)
-        return jax.jvp(lambda s: jnp.asarray(self.schedule(s), t.dtype), (t,), (jnp.ones_like(t),))
+        if not is_concrete(self.schedule, t):
+            return _value_and_rate(self.schedule, jnp.asarray(t, self.start.dtype))
+        t = np.asarray(t, self.start.dtype)
+        if type(self.schedule) in _IN_NUMPY:
+            return on_device(_factors(self.schedule, t))
+        return _in_one_program(self.schedule, on_device(t))
 
     def force(self, u: Float[Array, "points dim"], factor) -> Float[Array, "points dim"]:
         """V (f + λ b) [force] on every point."""
@@ -90,11 +135,13 @@ class Motion(eqx.Module):
 
 
 def _density(density: Any, points: int, dtype: Any) -> Array:
-    density = jnp.asarray(density, dtype)
+    density = as_array(density, dtype)
     if density.shape not in ((), (points,)):
         raise ValueError(f"density must be one number or one for each of the {points} points; got {density.shape}")
-    if is_concrete(density) and not bool((jnp.isfinite(density) & (density > 0)).all()):
-        raise ValueError(f"density must be finite and > 0 everywhere; the smallest is {float(jnp.min(density)):g}")
+    if is_concrete(density):
+        value = np.asarray(density)
+        if not (np.isfinite(value) & (value > 0)).all():
+            raise ValueError(f"density must be finite and > 0 everywhere; the smallest is {value.min():g}")
     return density
 
 
@@ -120,24 +167,28 @@ def motion(
         raise ValueError(f"scene must be a Scene (pdjax.scene or pdjax.scenes); got {type(scene).__name__}")
     dtype = scene.prescribed.dtype
     density = _density(density, len(scene.body), dtype)
-    damping = jnp.asarray(damping, dtype)
-    if is_concrete(damping) and not (damping.shape == () and jnp.isfinite(damping) and damping >= 0):
+    damping = as_array(damping, dtype)
+    if is_concrete(damping) and not (damping.shape == () and 0 <= np.asarray(damping) < np.inf):
         raise ValueError(f"damping must be one number >= 0 [1/time]; got {damping}")
-    zero = jnp.zeros_like(scene.prescribed)
+    zero = on_device(np.zeros(scene.prescribed.shape, dtype))
     start, velocity = (
-        zero if x is None else point_field(x, scene.families, name).astype(dtype)
+        zero if x is None else as_array(point_field(as_real(x), scene.families, name), dtype)
         for x, name in ((start, "start"), (velocity, "velocity"))
     )
     schedule = Hold() if schedule is None else schedule
     made = Motion(scene, density, damping, schedule, start, velocity, duration)
-    check_schedule(made, jnp.zeros(1, dtype))
-    factor, rate = made.factor(0.0)
-    start = jnp.where(made.free, start, factor * scene.prescribed)
-    velocity = jnp.where(made.free, velocity, rate * scene.prescribed)
-    return Motion(scene, density, damping, schedule, start, velocity, duration)
+    check_schedule(made, np.zeros(1, dtype))
+    factor, rate = (x[0] for x in _factors(schedule, np.zeros(1, dtype)))
+
+    def on_held(field, scale):
+        xp = namespace(made.free, field, scale, scene.prescribed)
+        free, field, scale, held = (xp.asarray(x) for x in (made.free, field, scale, scene.prescribed))
+        return on_device(xp.where(free, field, scale * held))
+
+    return Motion(scene, density, damping, schedule, on_held(start, factor), on_held(velocity, rate), duration)
 
 
-def check_schedule(motion: Motion, times: Float[Array, " times"]) -> None:
+def check_schedule(motion: Motion, times: Float[Array | np.ndarray, " times"]) -> None:
     """Refuse a schedule that is not one finite number at the times given; under a transformation it can't look."""
     if not callable(motion.schedule):
         raise ValueError(f"schedule must be a function of time such as pdjax.Ramp(10.0); got {motion.schedule!r}")
@@ -146,10 +197,11 @@ def check_schedule(motion: Motion, times: Float[Array, " times"]) -> None:
         raise ValueError(f"schedule must give one load factor; at t = 0 it gives an array of shape {shape}")
     if not is_concrete(motion, times):
         return
-    values, rates = jax.vmap(motion.factor)(times)
-    bad = ~(jnp.isfinite(values) & jnp.isfinite(rates))
-    if bool(bad.any()):
-        i = int(jnp.argmax(bad))
+    times = np.asarray(times)
+    values, rates = _factors(motion.schedule, times)
+    bad = ~(np.isfinite(values) & np.isfinite(rates))
+    if bad.any():
+        i = int(np.argmax(bad))
         raise ValueError(
             f"schedule must be finite, and so must its rate; at t = {float(times[i]):g} it is {float(values[i]):g}"
             f" with rate {float(rates[i]):g}"

@@ -18,9 +18,10 @@ from typing import Any, ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
-from .._checks import as_real, check_positive, require
+from .._checks import as_real, check_positive, namespace, on_host, require
 from ..kinematics import log_stretch, seth_hill, stretch_minus_one
 from ..neighbours import Bonds, Family
 from .base import PointStateModel, Sums
@@ -55,10 +56,11 @@ class BondBased(PointStateModel):
             if dim != 2:
                 raise ValueError(f"plane {plane!r} belongs to dim 2; got dim {dim}")
             ratio = FREE_SHEAR.get(plane, 0.0)
-            bulk = plane_bulk_modulus(bulk, ratio * as_real(bulk), plane)
+            bulk = plane_bulk_modulus(bulk, ratio * on_host(as_real(bulk)), plane)
         bulk, horizon = as_real(bulk), as_real(horizon)
         check_positive("bulk", bulk)
         check_positive("horizon", horizon)
+        bulk, horizon = on_host((bulk, horizon))
         return BondBased(micromodulus(bulk, horizon, dim))
 
     @staticmethod
@@ -71,16 +73,19 @@ class BondBased(PointStateModel):
         if fixed is None:
             raise ValueError(f"from_young needs dim 3, or dim 2 and plane 'strain' or 'stress'; got {dim}, {plane!r}")
         bulk, _ = bulk_and_shear(young, poisson)
-        right = jnp.abs(as_real(poisson) - fixed) <= 1e-6
+        right = abs(on_host(as_real(poisson)) - fixed) <= 1e-6
         require(bulk, right, f"springs have Poisson's ratio {fixed:.4g} here and no other; got {poisson}: LPS is free")
         return BondBased.from_bulk(bulk, horizon, dim, plane)
 
     @staticmethod
     def from_family(bulk, fam: Family) -> "BondBased":
         """The springs whose d-dimensional bulk modulus is `bulk` [pressure] on this lattice family: c = 2kd²/Σ w|ξ|."""
-        length = jnp.linalg.norm(fam.xi, axis=1)
-        total = fam.spacing**fam.dim * jnp.sum(fam.influence * fam.weight * length)
-        return BondBased(2 * as_real(bulk) * fam.dim**2 / total)
+        bulk = as_real(bulk)
+        xp = namespace(bulk, fam)
+        bulk, fam = on_host((bulk, fam)) if xp is np else (bulk, fam)
+        length = xp.linalg.norm(fam.xi, axis=1)
+        total = fam.spacing**fam.dim * xp.sum(fam.influence * fam.weight * length)
+        return BondBased(2 * bulk * fam.dim**2 / total)
 
     @property
     def isotropic(self) -> bool:

@@ -8,6 +8,7 @@ is the law's only for λ = μ).
 
 from collections.abc import Callable
 
+from .._checks import on_device, on_host
 from ..laws import LinearElastic
 from ..neighbours import Family
 from .base import AbstractModel
@@ -23,7 +24,8 @@ from .sub_horizon import SubHorizon
 
 
 def _bulk(law: LinearElastic, fam: Family):
-    return law.lam + 2 * law.mu / fam.dim
+    lam, mu = on_host((law.lam, law.mu))
+    return on_device(lam + 2 * mu / fam.dim)
 
 
 Maker = Callable[[LinearElastic, Family], AbstractModel]

@@ -21,7 +21,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .._checks import as_real, require
+from .._checks import as_real, namespace, on_host, require
 from ..kinematics import displacement_gradient, gradient_of_moments, shape_tensor_K, solve_positive
 from ..neighbours import Bonds
 from .base import Sums
@@ -42,7 +42,8 @@ def bulk_modulus(moduli: Float[Array, "dim dim dim dim"]) -> Float[Array, ""]:
 
 def _positive(name: str, value: Any) -> Array:
     value = as_real(value)
-    return require(value, jnp.isfinite(value) & (value >= 0), f"{name} must be finite and >= 0; got {value}")
+    xp, number = namespace(value), on_host(value)
+    return require(value, xp.isfinite(number) & (number >= 0), f"{name} must be finite and >= 0; got {value}")
 
 
 class Control(eqx.Module):

@@ -9,7 +9,7 @@ from operator import attrgetter
 from typing import Any
 
 import equinox as eqx
-import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from .._checks import as_real, is_concrete
@@ -93,7 +93,9 @@ def graded(model: AbstractModel, factor) -> AbstractModel:
     Raises: ValueError for a factor that is not finite and positive.
     """
     factor = as_real(factor)
-    if is_concrete(factor) and not bool((jnp.isfinite(factor) & (factor > 0)).all()):
-        raise ValueError("factor of a graded model must be finite and > 0 everywhere")
+    if is_concrete(factor):
+        value = np.asarray(factor)
+        if not (np.isfinite(value) & (value > 0)).all():
+            raise ValueError("factor of a graded model must be finite and > 0 everywhere")
     kinds = ((PointStateModel, GradedState), (TwoStageModel, GradedTwoStage), (AbstractModel, GradedEnergy))
     return next(graded for kind, graded in kinds if isinstance(model, kind))(model, factor)

@@ -10,10 +10,9 @@ applies, convolutions included: J v of a lattice body about x = F X, surfaces an
 from typing import Any, ClassVar
 
 import jax
-import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .._checks import deformation_gradient, is_concrete
+from .._checks import as_real, deformation_gradient, is_concrete
 from ..neighbours import Bonds
 from .base import PointStateModel, Sums
 
@@ -92,5 +91,5 @@ def linearised(model: PointStateModel, F) -> Linearised:
             f"linearised needs a model made of moments whose bond force is linear in the point state (`additive`); got"
             f" {type(model).__name__}: use pd.jvp"
         )
-    F = jnp.asarray(F)
+    F = as_real(F)
     return Linearised(model, deformation_gradient(F, F.shape[0] if F.ndim else 0))

@@ -8,7 +8,7 @@ The shear modulus G is the same in both. Lamé's first constant of the plane is 
 
 from jaxtyping import Array
 
-from .._checks import as_real, check_positive, choice, require
+from .._checks import as_real, check_positive, choice, on_device, on_host, require
 
 
 def plane_bulk_modulus(bulk, shear, plane: str) -> Array:
@@ -17,12 +17,14 @@ def plane_bulk_modulus(bulk, shear, plane: str) -> Array:
     bulk, shear = as_real(bulk), as_real(shear)
     check_positive("bulk", bulk)
     check_positive("shear", shear)
-    return bulk + shear / 3 if plane == "strain" else 9 * bulk * shear / (3 * bulk + 4 * shear)
+    bulk, shear = on_host((bulk, shear))
+    return on_device(bulk + shear / 3 if plane == "strain" else 9 * bulk * shear / (3 * bulk + 4 * shear))
 
 
 def bulk_and_shear(young, poisson) -> tuple[Array, Array]:
     """K and G [pressure] of a solid of Young's modulus E > 0 [pressure] and Poisson's ratio −1 < ν < ½ [-]."""
     young, poisson = as_real(young), as_real(poisson)
     check_positive("young", young)
-    require(poisson, (poisson > -1) & (poisson < 0.5), f"poisson must lie between -1 and 1/2; got {poisson}")
-    return young / (3 * (1 - 2 * poisson)), young / (2 * (1 + poisson))
+    E, nu = on_host((young, poisson))
+    require(poisson, (nu > -1) & (nu < 0.5), f"poisson must lie between -1 and 1/2; got {poisson}")
+    return on_device((E / (3 * (1 - 2 * nu)), E / (2 * (1 + nu))))

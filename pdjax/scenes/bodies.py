@@ -7,13 +7,15 @@ state has to stay exact: a free point feels two rings of neighbours.
 
 import math
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array, Float
 
 from .. import conditions
-from .._checks import deformation_gradient, is_concrete
-from ..closed_forms.local_bar import local_strain_of_stress, singular_bar_local
+from .._checks import as_array, as_real, deformation_gradient, is_concrete, on_host
+from ..closed_forms.local_bar import singular_bar_local
 from ..family_search import families
 from ..laws import LinearElastic
 from ..models import SethHill, graded
@@ -59,7 +61,7 @@ def step_size_bar(n: int, N: float = 3, strain=-1e-3, clamp: int = 6, model: Abs
         raise ValueError(f"strain must be finite and > -1 (a bar can't lose all its length); got {strain!r}")
     x = ((np.arange(n) + 0.5) / n - 0.5)[:, None]
     body = Points(x, np.full(n, 1.0 / n), 1.0 / n, (n,))
-    u = jnp.asarray(strain) * jnp.asarray(x)
+    u = on_host(as_real(strain)) * x
     ends = np.r_[0:clamp, n - clamp : n]
     held = conditions.prescribe(ends, u[ends])
     return scene(body, families(body, N / n), _unit_model(model), held, closed_form=u, name="step-size bar")
@@ -97,19 +99,20 @@ def singular_bar(
     beyond = np.maximum(x - 0.5, 0)
     softness = 1 + np.where(beyond > 0, alpha / (2 * np.sqrt(np.where(beyond > 0, beyond, 1))), 0)
     at_end = 1 + alpha / (2 * math.sqrt(0.5))
-    end_strain = local_strain_of_stress(base, jnp.asarray(stress) * at_end)
+    # the end x = 1 is one more place of the local solution, so that one program finds both
+    u, strain = on_host(singular_bar_local(base, np.append(x, 1.0), 1.0, as_array(stress), as_array(alpha)))
+    u, end_strain = u[:-1], strain[-1]
     if is_concrete(end_strain) and not np.isfinite(end_strain):
         raise ValueError(
             f"stress {stress} has no local equilibrium at the loaded end: beyond the law's limit point"
             " (or a strain above 100)"
         )
-    u, _ = singular_bar_local(base, x, 1.0, stress, alpha)
     held, loaded = np.arange(layer), np.arange(n - layer, n)
     pull: conditions.Condition
     if traction == "exact":
         pull = conditions.homogeneous_traction(loaded, 1 + end_strain.reshape(1, 1), graded(base, 1 / at_end))
     else:
-        pull = conditions.total_force(loaded, jnp.asarray(stress).reshape(1))
+        pull = conditions.total_force(loaded, on_host(as_array(stress)).reshape(1))
     return scene(
         body,
         families(body, N / n),
@@ -137,8 +140,8 @@ def clamped_plate(shape, N: float, F, model: AbstractModel, spacing: float | Non
     h = 1.0 / shape[0] if spacing is None else float(spacing)
     body = lattice(shape, h)
     F = deformation_gradient(F, body.dim)
-    X = jnp.asarray(body.positions) - 0.5 * h * jnp.asarray(shape)
-    u = X @ (F - jnp.eye(body.dim)).T
+    X = body.positions - 0.5 * h * np.array(shape)
+    u = X @ (on_host(F) - np.eye(body.dim)).T
     held = np.flatnonzero(_on_rim(shape, rim))
     return scene(
         body,
@@ -148,6 +151,24 @@ def clamped_plate(shape, N: float, F, model: AbstractModel, spacing: float | Non
         closed_form=u,
         name="clamped plate",
     )
+
+
+@eqx.filter_jit
+def _manufactured(model: AbstractModel, X: Float[Array, "points 2"], stretch: Array, amplitude: Array):
+    """u* (points, 2) at X and the body force b (points, 2) that `manufactured_plate` describes."""
+
+    def wanted(X):
+        x, y = X
+        wave = jnp.stack([jnp.sin(2 * jnp.pi * x) * jnp.sin(jnp.pi * y), jnp.cos(jnp.pi * x) * jnp.sin(2 * jnp.pi * y)])
+        return stretch * X + amplitude * wave
+
+    def piola(X):
+        return jax.grad(model.local_energy)(jnp.eye(2, dtype=X.dtype) + jax.jacfwd(wanted)(X))
+
+    def force(X):
+        return -jnp.einsum("ijj->i", jax.jacfwd(piola)(X))
+
+    return jax.vmap(wanted)(X), jax.lax.map(force, X, batch_size=256)
 
 
 def manufactured_plate(
@@ -169,20 +190,10 @@ def manufactured_plate(
     if model is None:
         model = SethHill(1.0, LinearElastic(1.0, 1.0))  # type: ignore[call-arg, arg-type]
     body = lattice((n, n), 1.0 / n)
-    X = jnp.asarray(body.positions)
-
-    def wanted(X):
-        x, y = X
-        wave = jnp.stack([jnp.sin(2 * jnp.pi * x) * jnp.sin(jnp.pi * y), jnp.cos(jnp.pi * x) * jnp.sin(2 * jnp.pi * y)])
-        return stretch * X + amplitude * wave
-
-    def piola(X):
-        return jax.grad(model.local_energy)(jnp.eye(2) + jax.jacfwd(wanted)(X))
-
-    force = jax.jit(lambda X: jax.lax.map(lambda x: -jnp.einsum("ijj->i", jax.jacfwd(piola)(x)), X, batch_size=256))(X)
+    X = as_array(body.positions)
+    u, force = on_host(_manufactured(model, X, as_real(stretch), as_real(amplitude)))
     on_rim = _on_rim((n, n), rim)
     held, inside = np.flatnonzero(on_rim), np.flatnonzero(~on_rim)
-    u = jax.vmap(wanted)(X)
     return scene(
         body,
         families(body, N / n),

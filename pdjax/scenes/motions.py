@@ -2,22 +2,31 @@
 
 import math
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array, Float
 
 from .. import conditions
-from .._checks import deformation_gradient, is_concrete
+from .._checks import as_real, deformation_gradient, is_concrete, on_host
 from ..dynamics.system import Motion, Ramp, motion
 from ..family_search import families
 from ..lattice_states import p_wave_modulus
 from ..models.base import AbstractModel
-from ..neighbours import lattice_family
+from ..neighbours import Family, lattice_family
 from ..paths import uniaxial_stress
 from ..points import lattice
 from ..problem import scene
 from ..waves import dispersion
 from .bodies import _count, _ratio, _unit_model
+
+
+@eqx.filter_jit
+def _rate_of_uniaxial_stress(model: AbstractModel, fam: Family) -> Float[Array, "dim dim"]:
+    """dF/da at rest of the path `uniaxial_stress`."""
+    at_rest = jnp.zeros((), fam.xi.dtype)
+    return jax.jvp(lambda a: uniaxial_stress(a, model, fam), (at_rest,), (jnp.ones_like(at_rest),))[1]
 
 
 def cuboid(shape, N: float = 3, strain=0.05, rate=1e-2, model: AbstractModel | None = None, density=1.0) -> Motion:
@@ -46,9 +55,9 @@ def cuboid(shape, N: float = 3, strain=0.05, rate=1e-2, model: AbstractModel | N
     fixed = scene(body, families(body, N * h), _unit_model(model), held, moving=True, name="cuboid")
     duration = abs(strain) / rate
     fam = lattice_family(body.dim, N, h)
-    _, pull = jax.jvp(lambda a: uniaxial_stress(a, fixed.model, fam), (jnp.zeros(()),), (jnp.ones(()),))
+    pull = on_host(_rate_of_uniaxial_stress(fixed.model, fam))
     centre = 0.5 * h * np.array(shape)
-    velocity = math.copysign(rate, strain) * jnp.asarray(body.positions - centre) @ pull.T
+    velocity = math.copysign(rate, strain) * (body.positions - centre) @ pull.T
     return motion(fixed, density, schedule=Ramp(duration), velocity=velocity, duration=duration)  # type: ignore
 
 
@@ -99,16 +108,17 @@ def wave(
     model = _unit_model(model)
     mean = None if F is None else deformation_gradient(F, dim)
     fam = lattice_family(dim, N)
-    found = dispersion(model, fam, jnp.eye(dim) if mean is None else mean, given[None], density)
+    found = on_host(dispersion(model, fam, np.eye(dim) if mean is None else mean, given[None], density))
     e, omega = found.mode[0, :, branch], found.frequency[0, branch]
-    phase = jnp.asarray((body.positions - body.positions[0]) @ given)[:, None]  # a crest on a point: k = π/h is seen
-    start = u0 * jnp.cos(phase) * e
-    velocity = omega * u0 * jnp.sin(phase) * e if travelling else jnp.zeros_like(start)
+    phase = ((body.positions - body.positions[0]) @ given)[:, None]  # a crest on a point: k = π/h is seen
+    u0 = on_host(as_real(u0))
+    start = u0 * np.cos(phase) * e
+    velocity = omega * u0 * np.sin(phase) * e if travelling else None
     fixed = scene(body, families(body, N), model, mean=mean, closed_form=start, moving=True, name="wave")
     duration = None
     if is_concrete(omega, u0):
         rate, growth = float(omega), float(found.growth[0, branch])
-        rate = rate or float(jnp.sqrt(p_wave_modulus(model, fam) / density)) * float(np.linalg.norm(given))
+        rate = rate or math.sqrt(float(p_wave_modulus(model, fam)) / density) * float(np.linalg.norm(given))
         if growth and u0:
             duration = math.log(max(1e-2 / abs(float(u0)), 10.0)) / growth
         elif rate:

@@ -1,0 +1,60 @@
+"""What the first call of each public function may compile: programs, and lines of StableHLO of all of them.
+
+A program costs about 50 ms to compile however small it is, and a line a further millisecond or so. Both are counts, not
+times, so they do not depend on the machine or on what else runs there. A call that exceeds its budget has become slower
+to answer for the first time: look for JAX operations outside the one compiled function of the call
+(`JAX_LOG_COMPILES=1` names every program), or for a loop that is unrolled. A call that stays far below its budget has
+earned a smaller one.
+"""
+
+import json
+import subprocess
+import sys
+
+import pytest
+
+from pdjax.bench.first_calls import CALLS, MAIN, SMALL
+
+BUDGETS = {  # name: (programs, lines); a tenth above what was counted
+    "stability, 2D": (43, 6500),
+    "stability, 3D": (43, 9900),
+    "stability, a second model": (5, 3400),
+    "critical_load after stability": (3, 9700),
+    "critical_load": (44, 11000),
+    "critical_load, diagonal": (43, 8500),
+    "center_block": (330, 2800),
+    "force_density, 10³ points": (230, 4300),
+    "jacobian, 10³ points": (9, 1700),
+    "body_stability": (25, 3100),
+    "solve, 297 points in 3D": (38, 3400),
+    "simulate": (19, 4200),
+    "lattice_family": (0, 0),
+    "families": (0, 0),
+    "scene": (30, 210),
+    "force_state": (115, 820),
+    "model.energy": (49, 370),
+    "strain_energy": (75, 540),
+    "stress": (17, 140),
+}
+
+
+def counted(*names):
+    """name → (programs, lines) of the first calls, one after the other in a fresh process."""
+    command = [sys.executable, "-m", "pdjax.bench.first_calls", "--count", *names]
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    rows = map(json.loads, done.stdout.splitlines())
+    return {row["name"]: (row["programs"], row["lines"]) for row in rows}
+
+
+def test_every_call_has_a_budget():
+    assert list(BUDGETS) == list(CALLS)
+
+
+@pytest.mark.parametrize("names", [*((name,) for name in MAIN), tuple(SMALL)], ids=lambda names: names[0])
+def test_a_first_call_compiles_no_more_than_its_budget(names):
+    """The small calls share a process: a program that one has compiled is not compiled by the next."""
+    found = counted(*names)
+    assert list(found) == list(names)
+    over = {name: (found[name], BUDGETS[name]) for name in names if any(map(int.__gt__, found[name], BUDGETS[name]))}
+    assert not over, f"(programs, lines of StableHLO) found, and their budget: {over}"
