@@ -37,7 +37,8 @@ SMALLEST = 1e-6  # a side that is unstable at this load is called unstable at 0
 BATCH = 16
 NEAR, FAR = 16, 48  # samples up to 2 %, and from there to the limit
 SPLITS = 5  # a 2 % bracket ends at 2e-8, which one Newton step takes to rounding
-CLOSE = 2e-8  # a bracket of that relative width is left to the secant
+CLOSE = 2e-8  # a bracket of that relative width is left to the secant,
+SPAN = 1e-6  # over about that relative width: its slope is good to 1e-6 by curvature, and to 1e-9 by rounding
 LIMITS = {"negative": 0.9, "positive": 1.0}
 
 
@@ -159,41 +160,47 @@ def _split(low: float, high: float, f_low: float, f_high: float) -> np.ndarray:
 
 
 def _host_edge(model, fam, path: Path, criterion: str, sign: float, samples: np.ndarray, zone: Zone) -> tuple:
-    """`_traced_edge` on concrete values: (low, high, does it exist, where the search ended, margins at both ends)."""
+    """`_traced_edge` on concrete values, and the loads and margins of every state that was looked at."""
     real = np.dtype(fam.xi.dtype)
+    seen: list[np.ndarray] = []
 
     def look(sizes):
-        padded = np.full(BATCH, sizes[-1])
-        padded[: len(sizes)] = sizes
-        F = np.asarray(deformations(path, (sign * padded).astype(real), model, fam))[: len(sizes)]
+        F = np.asarray(deformations(path, (sign * sizes).astype(real), model, fam))
         out = outcomes(criterion, model, fam, F, zone)
-        return np.asarray(out.margin), np.asarray(out.margin > margin_tolerance(real, out.scale)), out.at
+        seen.append(np.stack([sizes, out.margin]))
+        return out.margin, np.asarray(out.margin > margin_tolerance(real, out.scale)), out.at
 
     for sizes in samples:
         margin, unstable, at = look(sizes[1:])
         if unstable.any():
             break
     else:
-        return 0.0, np.inf, False, jax.tree.map(lambda x: x[0], at), (np.nan, np.nan)
-    ends = np.nan
+        return (0.0, np.inf, False, jax.tree.map(lambda x: x[0], at)), seen
+    before = np.nan
     for _ in range(2 * SPLITS):
         i = int(np.argmax(unstable))
-        low, high = sizes[i], sizes[i + 1]
-        ends = (margin[i - 1] if i else ends), margin[i]
+        low, high, before = sizes[i], sizes[i + 1], margin[i - 1] if i else before
+        at_high = jax.tree.map(lambda x, i=i: x[i], at)
         if high <= SMALLEST or high - low <= CLOSE * high:
             break
-        sizes = np.concatenate([[low], _split(low, high, *ends)])
+        sizes = np.concatenate([[low], _split(low, high, before, margin[i])])
         margin, unstable, at = look(sizes[1:])
-        ends = ends[0]
-    return low, high, True, jax.tree.map(lambda x: x[i], at), ends
+    return (low, high, True, at_high), seen
 
 
-def _secant(low: float, high: float, ends: tuple, sign: float, real: Any) -> float:
-    """The load between the ends of a bracket where the margin is zero; 0 where that can't be told from rest."""
-    slope = (ends[1] - ends[0]) / (high - low)
-    blur = 4 * float(margin_tolerance(real)) / abs(slope) if slope else np.inf
-    edge = high - ends[1] / slope if low <= high - ends[1] / slope <= high + blur else high
-    return 0.0 if high <= SMALLEST or edge <= min(blur, 1e-3) else sign * edge
+def _secant(low: float, high: float, seen: list[np.ndarray], real: Any) -> float:
+    """|a| where the margin is zero, by the secant from `high` to a load seen about SPAN away; 0 where that can't be
+    told from rest."""
+    sizes, margins = np.concatenate(seen, axis=1)
+    sizes, margins = sizes[np.isfinite(margins)], margins[np.isfinite(margins)]
+    distance = np.abs(sizes - high)
+    end, other = (int(np.argmin(x)) for x in (distance, np.abs(np.log(np.maximum(distance, 1e-300) / (SPAN * high)))))
+    slope = (margins[end] - margins[other]) / (high - sizes[other]) if other != end else 0.0
+    if not slope:
+        return 0.0 if high <= SMALLEST else high
+    step, blur = margins[end] / slope, 4 * float(margin_tolerance(real)) / abs(slope)
+    edge = high - step if abs(step) <= 100 * (high - low) + 1e-6 * high + blur else high
+    return 0.0 if high <= SMALLEST or abs(edge) <= min(blur, 1e-3) else float(edge)
 
 
 def critical_load(
@@ -233,11 +240,10 @@ def critical_load(
         check_at_rest(model, fam)
         return _traced(model, fam, path, criterion, sign, samples, zone.intervals, zone.symmetry)
     with jax.ensure_compile_time_eval():
-        *found, ends = _host_edge(*quiet, criterion, float(sign), samples, zone)
-    low, high, exists, _ = found
+        (low, high, exists, at), seen = _host_edge(*quiet, criterion, float(sign), samples, zone)
     if is_concrete(model, fam, path):
-        return as_array(_secant(low, high, ends, float(sign), real) if exists else sign * np.inf, real)
-    bracket = (*(np.asarray(x, real) for x in (low, high)), np.asarray(exists), found[3])
+        return as_array(sign * (_secant(low, high, seen, real) if exists else np.inf), real)
+    bracket = np.asarray(low, real), np.asarray(high, real), np.asarray(exists), at
     return _with_derivative(model, fam, path, criterion, sign, zone.intervals, zone.symmetry, bracket)
 
 
