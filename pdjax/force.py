@@ -2,8 +2,8 @@
 
     f_i = Σ_j [t(A_i, A_j, bond) − t(A_j, A_i, −bond)] V_j = −(1/V_i) ∂Π/∂u_i,   Π = Σ_i V_i W_i
 
-Only the point state A travels between points. A model without one gives its force state T for the whole
-family, and f_i = Σ_j (T_ij − T_ji) V_j takes T_ji through the reverse-bond index; the two agree where a model has both.
+Where bonds are streamed (`pdjax.ways`), only the point state A travels between points. Where all bonds of a body go at
+once, the force state T of whole families does: f_i = Σ_j (T_ij − T_ji) V_j, and the reverse-bond index finds T_ji.
 A model of two stages sends its states out, and the forces on them back (`models.base`).
 
 What travels goes through an `Exchange`, so that the symbol of a periodic cell can turn its phase on the way.
@@ -21,7 +21,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ._checks import deformation_gradient, is_concrete
-from .models.base import AbstractModel, PointStateModel, TwoStageModel
+from .models.base import AbstractModel, TwoStageModel
 from .neighbours import EACH_BOND, Bonds, Families, Family
 
 
@@ -182,23 +182,6 @@ def affine_stress(model: AbstractModel, fam: Family, F: Float[Array, "dim dim"])
     return jnp.einsum("b,bi,bj->ij", bonds.volume, model.force_state(bonds), bonds.xi)
 
 
-def _force_by_state(model: PointStateModel, fams: Families, bonds: Bonds) -> Float[Array, "points dim"]:
-    varying, shared = split_model(model, len(fams))
-    state = each_point("point_state", model, bonds)
-    j = fams.neighbours
-    other_state, other_constants = jax.tree.map(lambda x: x[j], (state, varying))
-
-    def one(constants, here, there, bond):
-        return eqx.combine(constants, shared).bond_force(here, there, bond)
-
-    there = other_state if model.needs_other_end else state
-    axis = 0 if model.needs_other_end else None
-    out = jax.vmap(jax.vmap(one, (None, None, axis, EACH_BOND)))(varying, state, there, bonds)
-    # at the far end, "here" is the neighbour's state and "there" is this point's
-    back = jax.vmap(jax.vmap(one, (0, 0, None, EACH_BOND)))(other_constants, other_state, state, fams.reversed(bonds))
-    return jnp.einsum("pb,pbi->pi", bonds.volume, out - back)
-
-
 def _two_stage_states(model: TwoStageModel, volumes: Array, bonds: Bonds, exchange: Exchange) -> Array:
     """T by both stages: states out, bond energies, the forces on the states back."""
     varying, shared = split_model(model, bonds.xi.shape[0])
@@ -247,9 +230,10 @@ def force_states(
 
 @eqx.filter_jit
 def whole_force(model: AbstractModel, fams: Families, bonds: Bonds) -> Float[Array, "points dim"]:
-    """f of any model, all bonds at once; unchecked."""
-    if isinstance(model, PointStateModel):
-        return _force_by_state(model, fams, bonds)
+    """f of any model, all bonds at once; unchecked.
+
+    Also with a point state it is T that travels: the program then holds the bond force once, not once for each end.
+    """
     exchange = plain_exchange(fams)
     T = force_states(model, fams.volumes, bonds, exchange)
     return jnp.einsum("pb,pbi->pi", bonds.volume, T - exchange.back(T))

@@ -22,7 +22,8 @@ import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Array, Float
 
-from .force import each_point
+from ._checks import is_concrete, namespace
+from .force import force_states, plain_exchange
 from .problem import Scene
 from .tangent import jacobian
 
@@ -40,34 +41,44 @@ def _kernel(function: Any) -> Any:
 
     @functools.wraps(function)
     def call(scene, q, factor, *more):
-        return jitted(scene, q, jnp.asarray(factor, q.dtype), *more)
+        return jitted(scene, q, namespace(factor).asarray(factor, q.dtype), *more)
 
     return call
+
+
+residual = _kernel(residual_of)
 
 
 @_kernel
 def residual_and_scale(scene: Scene, q, factor) -> tuple[Array, Array]:
     """r, and the force it is measured by: the largest of ‖V f‖ over all points (reactions too), ‖λ V b‖ and the root
     mean square over points of V_i Σ_j V_j |T_ij|, which a periodic body keeps where nothing reacts."""
-    u = scene.displacement(q, factor)
-    forces = scene.unbalanced(u, factor)
-    applied = factor * scene.families.volumes[:, None] * scene.load
-    bonds = scene.families.bonds(u, scene.mean_deformation(factor))
-    T = each_point("force_state", scene.model, bonds)
-    pull = scene.families.volumes * jnp.einsum("pb,pb->p", bonds.volume, jnp.linalg.norm(T, axis=-1))
-    scale = jnp.maximum(jnp.linalg.norm(forces - applied), jnp.linalg.norm(applied))
-    return forces.reshape(-1)[scene.unknowns], jnp.maximum(scale, jnp.sqrt(jnp.mean(pull**2)))
+    families, V = scene.families, scene.families.volumes[:, None]
+    bonds = families.bonds(scene.displacement(q, factor), scene.mean_deformation(factor))
+    # Both numbers come from the force states of all bonds, so that the program holds the model's force only once.
+    exchange = plain_exchange(families)
+    T = force_states(scene.model, families.volumes, bonds, exchange)
+    internal = V * jnp.einsum("pb,pbi->pi", bonds.volume, T - exchange.back(T))
+    applied = factor * V * scene.load
+    pull = V[:, 0] * jnp.einsum("pb,pb->p", bonds.volume, jnp.linalg.norm(T, axis=-1))
+    scale = jnp.maximum(jnp.linalg.norm(internal), jnp.linalg.norm(applied))
+    r = (internal + applied).reshape(-1)[scene.unknowns]
+    return r, jnp.maximum(scale, jnp.sqrt(jnp.mean(pull**2)))
 
 
-def relative(size, scale) -> Array:
+def relative(size, scale) -> Any:
     """A residual's size by its scale; 0 where both are 0, and a size by no scale is infinite: it never converged."""
-    return size / jnp.where((size == 0) & (scale == 0), 1.0, scale)
+    if not is_concrete(size, scale):
+        return size / jnp.where((size == 0) & (scale == 0), 1.0, scale)
+    size, scale = np.asarray(size), np.asarray(scale)
+    with np.errstate(all="ignore"):
+        return size / np.where((size == 0) & (scale == 0), 1.0, scale)
 
 
 @_kernel
 def product(scene: Scene, q, factor, v) -> Float[Array, " unknowns"]:
     """A v by JVP."""
-    return jax.jvp(lambda p: residual_of(scene, p, factor), (q,), (v,))[1]
+    return jax.jvp(lambda p: residual_of(scene, p, factor), (q,), (v.astype(q.dtype),))[1]
 
 
 @_kernel
@@ -85,7 +96,7 @@ def product_rate(scene: Scene, u, factor, du, v) -> Float[Array, " unknowns"]:
             at = u + s * du + w
             return scene.unbalanced(at, factor + s).reshape(-1)[scene.unknowns]
 
-        direction = jnp.zeros(u.size, u.dtype).at[scene.unknowns].set(v).reshape(u.shape)
+        direction = jnp.zeros(u.size, u.dtype).at[scene.unknowns].set(v.astype(u.dtype)).reshape(u.shape)
         return jax.jvp(force, (jnp.zeros_like(u),), (direction,))[1]
 
     return jax.jvp(along, (jnp.zeros((), u.dtype),), (jnp.ones((), u.dtype),))[1]
@@ -201,4 +212,4 @@ def as_operator(apply: Any, size: int) -> Any:
     """A jitted v ↦ A v as a SciPy operator."""
     import scipy.sparse.linalg as sla
 
-    return sla.LinearOperator((size, size), matvec=lambda v: np.asarray(apply(jnp.asarray(v.reshape(-1)))), dtype=float)  # type: ignore
+    return sla.LinearOperator((size, size), matvec=lambda v: np.asarray(apply(v.reshape(-1))), dtype=float)  # type: ignore

@@ -27,7 +27,6 @@ from ..reduced import (
     count_positive,
     matrix,
     product,
-    residual_and_scale,
     unknown_volumes,
 )
 
@@ -83,7 +82,7 @@ def closed_form(scene: Scene, instead: str) -> Array:
 
 def _state(scene: Scene, u, factor) -> Array:
     if u is None:
-        return factor * closed_form(scene, "the displacement u (points, dim)")
+        u = factor * np.asarray(closed_form(scene, "the displacement u (points, dim)"))
     return point_field(u, scene.families)
 
 
@@ -189,10 +188,6 @@ def body_spectrum(scene: Scene, u=None, count: int | None = None, factor: float 
     need_energy(scene)
     u = _state(scene, u, factor)
     size = len(np.asarray(scene.unknowns))
-    # with the scale, which nothing asks for: the solvers have compiled it so, and compiling costs more than evaluating
-    force = np.asarray(residual_and_scale(scene, u.reshape(-1)[scene.unknowns], factor)[0])
-    if not np.isfinite(force).all():
-        raise ValueError("the forces at u are not finite: a bond collapsed to no length, or u holds NaN")
     if size < 3:
         method = "dense"
     if method == "auto":
@@ -202,10 +197,14 @@ def body_spectrum(scene: Scene, u=None, count: int | None = None, factor: float 
     positive: int | None = None
     factors = 0
     if method == "matrix_free":
-        q = u.reshape(-1)[scene.unknowns]
-        H: Any = as_operator(lambda v: product(scene, q, factor, v / root) / root, size)
+        q, scene = np.asarray(u).reshape(-1)[np.asarray(scene.unknowns)], scene.prepared()
+        H: Any = as_operator(lambda v: np.asarray(product(scene, q, factor, v / root)) / root, size)
+        entries = H @ np.ones(size)
     else:
         H = _scaled(matrix(scene, u, factor), root)
+        entries = H.data
+    if not np.isfinite(entries).all():  # derivatives of forces that are not finite are not finite either
+        raise ValueError("the forces at u are not finite: a bond collapsed to no length, or u holds NaN")
     if method == "dense":
         values, vectors = np.linalg.eigh(H.toarray())
         values, vectors = values[::-1], vectors[:, ::-1]

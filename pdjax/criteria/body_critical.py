@@ -16,6 +16,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array
 
 from ..problem import Scene, still
 from ..reduced import Factor, Singular, as_operator, count_positive, matrix, product_rate, unknown_volumes
@@ -54,22 +55,28 @@ def _near_zero(A: Any, factor: Factor, start: np.ndarray | None) -> tuple[float,
     return float(values[0]), vectors[:, 0]
 
 
+@eqx.filter_jit
+def _rate(path: Callable[[Any], Any], factor) -> tuple[Array, Array]:
+    """u and du/dλ of a path at a load factor."""
+    return jax.jvp(path, (factor,), (jnp.ones_like(factor),))
+
+
 class _Walk:
     """H along a path of displacements, and the counts of its eigenvalues above zero met on the way."""
 
-    def __init__(self, scene: Scene, path: Callable[[Any], Any]):
-        self.scene, self.path, self.root = scene, path, np.sqrt(unknown_volumes(scene))
+    def __init__(self, scene: Scene, along: Callable[[float], tuple[Any, Any]]):
+        self.scene, self.along, self.root = scene, along, np.sqrt(unknown_volumes(scene))
         self.seen: list[tuple[float, int]] = []
         self.shift = 0.0
 
     def state(self, factor: float) -> tuple[Any, Any]:
         """H at a load factor, shifted by the rounding at the first one asked for, and v ↦ H'v."""
         scene, root = self.scene, self.root
-        u, du = jax.jvp(self.path, (jnp.asarray(factor, float),), (jnp.ones(()),))
+        u, du = self.along(factor)
         H = _scaled(matrix(scene, u, factor), root)
         if self.shift == 0.0:
             self.shift = _tolerance(_norm(H), u.dtype)
-        rate = as_operator(lambda v: product_rate(scene, u, factor, du, v / root) / root, H.shape[0])
+        rate = as_operator(lambda v: np.asarray(product_rate(scene, u, factor, du, v / root)) / root, H.shape[0])
         return shifted(H, self.shift), rate
 
     def factorised(self, H: Any) -> Factor:
@@ -103,12 +110,18 @@ def body_critical_load(
     Returns: `BodyCritical`. Raises: ValueError without a path or closed form, or for a model without an energy.
     """
     need_energy(scene)
+    scene = still(scene)
     if path is None:
-        form = jax.lax.stop_gradient(closed_form(scene, "a path, load factor -> u (points, dim)"))
-        path = lambda factor: factor * form  # noqa: E731
+        form = np.asarray(closed_form(scene, "a path, load factor -> u (points, dim)"))
     if not limit > 0:
         raise ValueError(f"limit must be > 0; got {limit}")
-    walk = _Walk(still(scene), path)
+
+    def along(factor: float) -> tuple[Any, Any]:
+        if path is None:
+            return (factor * form).astype(form.dtype), form
+        return _rate(path, np.asarray(factor, jnp.result_type(float)))
+
+    walk = _Walk(scene, along)
     H, rate = walk.state(0.0)
     lu = walk.factorised(H)
     walk.seen.append((0.0, lu.positive))

@@ -3,10 +3,10 @@
 from typing import Any
 
 import equinox as eqx
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from .._checks import on_device
 from ..problem import Scene
 from .verlet import Energies
 
@@ -100,8 +100,8 @@ def alarmed(first: Energies, last: Energies, swing: float, given: float) -> bool
     The kinetic energy alone is compared, and the total less its `swing` since the start (see `verlet.borrowed`): both
     stay within `given` for every stable step of a linear motion, and one of them grows with a step that is not.
     """
-    pair = Energies(*(np.array([float(a), float(b)]) for a, b in zip(first, last, strict=True)))
-    return bool(pair.kinetic[1] > GROWTH * given or abs(pair.imbalance[1] - swing) > GROWTH * given)
+    start, now = (Energies(*map(float, x)) for x in (first, last))
+    return bool(now.kinetic > GROWTH * given or abs(now.total - start.total - swing) > GROWTH * given)
 
 
 def failure(motion: Any, state: Any, saved: Any, dt: float, critical: tuple[float, float]) -> Failure:
@@ -139,4 +139,4 @@ def stacked(records: list[Any]) -> Any:
 
 def as_arrays(energies: Energies) -> Energies:
     """The budget as JAX arrays."""
-    return Energies(*(jnp.asarray(x) for x in energies))
+    return on_device(energies)

@@ -17,14 +17,14 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from .._checks import is_concrete, writable
+from .._checks import inside_jit, is_concrete, writable
 from .._progress import progress
 from ..observers import Snapshot, check_observers
 from . import checkpoint as checkpoints
 from .history import DONE, ENERGY_GREW, NOT_FINITE, Failure, History, alarmed, as_arrays, failure, stacked
 from .system import Motion, check_schedule
 from .time_step import SAFETY, critical_time_step
-from .verlet import Energies, State, advance, borrowed, energies, initial_state
+from .verlet import Energies, State, advance, before_start, borrowed, energies, initial_state, march
 
 SAVES = 100  # about as many, where save_every is not given
 NOISE = 1e6  # steps in which rounding forces of one sign add up: longer runs than that have other worries
@@ -41,7 +41,7 @@ class Record(NamedTuple):
     finite: Array
 
 
-def _record(motion: Motion, observers: dict[str, Any], state: State, dt: Array, fields: bool) -> Record:
+def _record(motion: Motion, observers: dict[str, Any], state: State, dt, fields: bool) -> Record:
     t = state.step * dt
     now = Snapshot(t, motion.factor(t)[0], state.u, state.v, state.force)
     observed = {name: watch(motion.scene, now) for name, watch in observers.items()}
@@ -49,34 +49,34 @@ def _record(motion: Motion, observers: dict[str, Any], state: State, dt: Array, 
     return Record(t, kept, energies(motion, state, dt), observed, borrowed(motion, state, dt), state.finite)
 
 
-@eqx.filter_jit
-def _begin(motion: Motion, observers: dict[str, Any], dt: Array, fields: bool) -> tuple[State, Record]:
-    state = initial_state(motion)
-    return state, _record(motion, observers, state, dt, fields)
-
-
-@eqx.filter_jit
-def _rounding(motion: Motion, dt: Array) -> Array:
+def _rounding(motion: Motion, dt: float) -> float:
     """Kinetic energy that rounding may lend to bonds that stretch as the start's do: where modes hold no energy it is
     all there is."""
-    bonds = motion.scene.families.bonds(motion.start)
-    stretch = jnp.max(jnp.abs(bonds.eta)) + jnp.max(jnp.abs(motion.scene.prescribed))
-    return jnp.sum(motion.mass) * (NOISE * jnp.finfo(dt.dtype).eps * stretch / dt) ** 2
+    scene, families = motion.scene, motion.scene.families
+    u, neighbours = np.asarray(motion.start), np.asarray(families.neighbours)
+    stretch = max((float(np.abs(u[ends] - u).max()) for ends in neighbours.T), default=0.0)
+    stretch += float(np.abs(np.asarray(scene.prescribed)).max())
+    mass = float(np.sum(np.asarray(motion.density) * np.asarray(families.volumes)))
+    return mass * (NOISE * float(np.finfo(u.dtype).eps) * stretch / dt) ** 2
 
 
 @eqx.filter_jit
-def _go_on(motion: Motion, observers: dict[str, Any], state: State, dt: Array, steps: int, fields: bool):
-    state = advance(motion, state, dt, steps)
+def _go_on(motion: Motion, observers: dict[str, Any], state: State, dt, steps, fields: bool):
+    """All of a watched run: the steps to the next save, and the first state, which costs one step of no length."""
+    state = march(motion, state, dt, steps)
     return state, _record(motion, observers, state, dt, fields)
 
 
-def _traced(motion: Motion, observers: dict[str, Any], dt: Array, saves: int, every: int, fields: bool) -> History:
+@eqx.filter_jit
+def _traced(motion: Motion, observers: dict[str, Any], dt, saves: int, every: int, fields: bool) -> History:
     """The whole run in one scan."""
-    state, first = _begin(motion, observers, dt, fields)
+    state = initial_state(motion)
+    first = _record(motion, observers, state, dt, fields)
 
     @jax.checkpoint
     def chunk(state, _):
-        return _go_on(motion, observers, state, dt, every, fields)
+        state = advance(motion, state, dt, every)
+        return state, _record(motion, observers, state, dt, fields)
 
     state, records = jax.lax.scan(chunk, state, length=saves)
     all_of = jax.tree.map(lambda a, b: jnp.concatenate([a[None], b]), first, records)
@@ -172,12 +172,13 @@ class _Keeper:
 
 
 def _watch(motion: Motion, observers, dt, saves, every, fields, path, checkpoint_every, resume, show) -> History:
-    step = jnp.asarray(dt, motion.start.dtype)
-    state, first = _begin(motion, observers, step, fields)
+    step, one, many = np.asarray(dt, motion.start.dtype), np.int32(1), np.int32(every)
+    ready = motion.prepared()
+    state, first = _go_on(ready, observers, before_start(motion), step, one, fields)
     records, name = [first], ""
     if path is not None:
         path = writable(path)
-        program = _go_on.lower(motion, observers, state, step, every, fields).as_text()  # type: ignore[attr-defined]
+        program = _go_on.lower(ready, observers, state, step, many, fields).as_text()  # type: ignore[attr-defined]
         name = checkpoints.fingerprint(program, dt, every, eqx.filter((motion, observers), eqx.is_array_like))
         if resume:
             state, records = checkpoints.load(path, name, first)
@@ -185,15 +186,15 @@ def _watch(motion: Motion, observers, dt, saves, every, fields, path, checkpoint
     keep = _Keeper(path, checkpoint_every, name)
     stored = abs(float(first.energies.strain))
     if not motion.scene.model.hyperelastic:  # no energy to ask: what the forces at the start could do on the way back
-        stored = 0.5 * float(jnp.sum(jnp.abs(state.force * motion.start)))
-    floor = float(_rounding(motion, step)) + float(first.energies.kinetic) + stored
+        stored = 0.5 * float(np.abs(np.asarray(state.force) * np.asarray(motion.start)).sum())
+    floor = _rounding(motion, dt) + float(first.energies.kinetic) + stored
     given, code, saved = max(_given(r) for r in records), DONE, state
     done = len(records) - 1
     if not bool(state.finite):
         code = NOT_FINITE
     try:
         for save in progress(range(done + 1, saves + 1), saves - done, "steps", show) if code == DONE else ():
-            state, record = _go_on(motion, observers, saved, step, every, fields)
+            state, record = _go_on(ready, observers, saved, step, many, fields)
             if not bool(state.finite):
                 code = NOT_FINITE
                 break
@@ -224,7 +225,7 @@ def _given(record: Record) -> float:
 
 def _diagnose(motion: Motion, state: State, saved: State, dt: float) -> Failure:
     critical = []
-    for u, t in ((motion.start, 0.0), (saved.u, saved.step * dt)):
+    for u, t in ((motion.start, 0.0), (saved.u, int(saved.step) * dt)):
         try:
             critical.append(critical_time_step(motion, u, t))
         except ValueError:
@@ -269,12 +270,12 @@ def simulate(
         raise ValueError("resume needs checkpoint: the file to go on from")
     observers = {} if observers is None else observers
     check_observers(motion.scene, observers)
-    watched = is_concrete(motion, observers, jnp.zeros(()) + 0)  # the last: inside jit everything is traced
+    watched = is_concrete(motion, observers) and not inside_jit()
     given = dt is not None
     dt, saves, every = _plan(motion, duration, dt, save_every)
     if not watched:
-        return _traced(motion, observers, jnp.asarray(dt, motion.start.dtype), saves, every, fields)
-    check_schedule(motion, jnp.linspace(0, saves * every * dt, 1025).astype(motion.start.dtype))
+        return _traced(motion, observers, np.asarray(dt, motion.start.dtype), saves, every, fields)
+    check_schedule(motion, np.linspace(0, saves * every * dt, 1025).astype(motion.start.dtype))
     if given:
         _warn_above(motion, dt)
         _warn_beyond(run_length(motion, duration), dt, saves, every)

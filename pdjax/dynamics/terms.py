@@ -17,7 +17,7 @@ import numpy as np
 import optimistix as optx
 from jaxtyping import Array
 
-from .._checks import is_concrete
+from .._checks import is_concrete, namespace, on_device
 from ..observers import Snapshot, check_observers
 from .history import DONE, SOLVER_FAILED, Failure, History
 from .run import SAVES, run_length, time_step
@@ -84,7 +84,7 @@ def symplectic_terms(motion: Motion) -> tuple[diffrax.ODETerm, diffrax.ODETerm]:
 
 @eqx.filter_jit
 def _run(motion, terms, solver, controller, dt, times, most, adjoint):
-    return diffrax.diffeqsolve(
+    found = diffrax.diffeqsolve(
         terms,
         solver,
         times[0],
@@ -97,10 +97,11 @@ def _run(motion, terms, solver, controller, dt, times, most, adjoint):
         adjoint=adjoint,
         throw=False,
     )
+    return found, found.result == diffrax.RESULTS.successful
 
 
 @eqx.filter_jit
-def _describe(motion: Motion, times: Array, q: Array, w: Array, observers: dict[str, Any]):
+def _describe(motion: Motion, times, q: Array, w: Array, observers: dict[str, Any]):
     """Fields, energies and observations of every save; the works are not integrated: NaN unless nothing works."""
     scene = motion.scene
 
@@ -149,38 +150,41 @@ def simulate_diffrax(
         raise ValueError(f"saves must be a whole number >= 1; got {saves!r}")
     solver = diffrax.Tsit5() if solver is None else solver
     real = motion.start.dtype
-    times = jnp.linspace(0, duration, int(saves) + 1).astype(real)
-    check_schedule(motion, jnp.linspace(0, duration, 1025).astype(real))
+    times = np.linspace(0, duration, int(saves) + 1).astype(real)
+    check_schedule(motion, np.linspace(0, duration, 1025).astype(real))
     dt = time_step(motion, dt)
     symplectic = isinstance(solver, diffrax.SemiImplicitEuler)
     terms = symplectic_terms(motion) if symplectic else diffrax_terms(motion)
     controller: diffrax.AbstractStepSizeController = diffrax.ConstantStepSize()
-    size = jnp.maximum(jnp.max(jnp.abs(motion.start)), jnp.max(jnp.abs(motion.scene.prescribed)))
-    size = jnp.maximum(size, dt * jnp.max(jnp.abs(motion.velocity)))
-    unknown = UNKNOWN * motion.scene.families.horizon
-    size = jnp.where(size > 0, size, unknown)
+    fields = (motion.start, motion.scene.prescribed, motion.velocity)
+    xp = namespace(fields, motion.scene.families.horizon)
+    start, held, velocity, horizon = (xp.asarray(x) for x in (*fields, motion.scene.families.horizon))
+    size = xp.maximum(xp.maximum(abs(start).max(), abs(held).max()), dt * abs(velocity).max())
+    unknown = UNKNOWN * horizon
+    size = xp.where(size > 0, size, unknown)
     if rtol is not None:
         controller = diffrax.PIDController(rtol=rtol, atol=rtol * size if atol is None else atol)
     elif isinstance(solver, diffrax.AbstractImplicitSolver):  # no controller to take the tolerances of its Newton from
-        root = max(ROOT, 100 * float(jnp.finfo(real).eps))
+        root = max(ROOT, 100 * float(np.finfo(real).eps))
         # VeryChord calls a residual at rounding diverged
-        newton: Any = optx.Chord(rtol=root, atol=root * jnp.maximum(size, unknown), norm=optx.max_norm)  # type: ignore[arg-type]
+        newton: Any = optx.Chord(rtol=root, atol=root * xp.maximum(size, unknown), norm=optx.max_norm)  # type: ignore[arg-type]
         if eqx.tree_equal(solver.root_finder, type(solver)().root_finder):  # type: ignore[attr-defined, call-arg]
             solver = eqx.tree_at(lambda s: s.root_finder, solver, newton)
     adjoint = diffrax.RecursiveCheckpointAdjoint() if adjoint is None else adjoint
-    found = _run(motion, terms, solver, controller, jnp.asarray(dt, real), times, max_steps, adjoint)
+    found, good = _run(motion, terms, solver, controller, np.asarray(dt, real), times, max_steps, adjoint)
     q, w = found.ys
     u, v, budget, observed = _describe(motion, times, q, w, observers)
     budget = _unknown_works(motion, budget)
     steps = found.stats["num_steps"]
     if not is_concrete(motion, observers, u):
-        return History(times, u, v, budget, observed, duration / steps, steps)
+        return History(jnp.asarray(times), u, v, budget, observed, duration / steps, steps)
     code, told = DONE, None
     finite = np.isfinite(np.asarray(q)).all(axis=1) & np.isfinite(np.asarray(w)).all(axis=1)
-    if found.result != diffrax.RESULTS.successful or not finite.all():
+    if not (bool(good) and finite.all()):
         code, told = SOLVER_FAILED, _last_finite(motion, times, u, v, finite, diffrax.RESULTS[found.result])  # type: ignore
         there = slice(0, told.step + 1)
-        times, u, v, budget, observed = jax.tree.map(lambda x: x[there], (times, u, v, budget, observed))
+        times, u, v, observed = jax.tree.map(lambda x: np.asarray(x)[there], (times, u, v, observed))
+        budget = jax.tree.map(lambda x: on_device(np.asarray(x)[there]), budget)
         told = eqx.tree_at(lambda f: f.step, told, int(steps))
     reached = float(times[-1]) if len(times) > 1 else duration
     history = History(
@@ -194,14 +198,13 @@ def simulate_diffrax(
 def _unknown_works(motion: Motion, budget: Energies) -> Energies:
     """Works stay 0 only where nothing can do any."""
     scene = motion.scene
-    if is_concrete(motion) and not bool(
-        jnp.any(scene.prescribed != 0)
-        | jnp.any(scene.load != 0)
-        | (motion.damping != 0)
-        | (scene.mean is not None and not isinstance(motion.schedule, Hold))
+    if is_concrete(motion) and not (
+        any(np.asarray(x).any() for x in (scene.prescribed, scene.load, motion.damping))
+        or (scene.mean is not None and not isinstance(motion.schedule, Hold))
     ):
         return budget
-    nothing = jnp.full_like(budget.kinetic, jnp.nan)
+    kinetic = budget.kinetic
+    nothing = on_device(namespace(kinetic).full(kinetic.shape, np.nan, kinetic.dtype))
     return budget._replace(supports=nothing, loads=nothing, dissipated=nothing)
 
 

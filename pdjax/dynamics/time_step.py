@@ -4,7 +4,6 @@
 matrix is stored. Lanczos comes from below, so Δt_cr comes from above, within ACCURACY/2 of itself.
 """
 
-import jax.numpy as jnp
 import numpy as np
 
 from .._checks import is_concrete
@@ -31,10 +30,11 @@ def critical_time_step(motion: Motion, u=None, t=0.0) -> float:
     u = motion.start if u is None else point_field(u, scene.families)
     factor = motion.factor(t)[0]
     keep = np.asarray(scene.unknowns)
-    mass = np.broadcast_to(np.asarray(density * scene.families.volumes)[:, None], u.shape).reshape(-1)[keep]
-    root = jnp.asarray(np.sqrt(mass), u.dtype)
-    q = u.reshape(-1)[scene.unknowns]
-    H = as_operator(lambda v: product(scene, q, factor, v.astype(u.dtype) / root) / root, len(keep))
+    mass = np.asarray(density) * np.asarray(scene.families.volumes)
+    root = np.sqrt(np.broadcast_to(mass[:, None], u.shape).reshape(-1)[keep])
+    q = np.asarray(u).reshape(-1)[keep]
+    scene = scene.prepared()
+    H = as_operator(lambda v: np.asarray(product(scene, q, factor, v / root)) / root, len(keep))
     if len(keep) < 3:
         largest = float(np.abs(np.linalg.eigvals(H @ np.eye(len(keep)))).max())
     else:

@@ -20,8 +20,10 @@ from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
+from .._checks import namespace, on_device, on_host
 from ..force import strain_energy
 from .system import Hold, Motion
 
@@ -49,17 +51,23 @@ class Energies(NamedTuple):
     dissipated: Any
 
     @property
+    def total(self):
+        """K + Π − W_supports − W_loads + D."""
+        return self.kinetic + self.strain - self.supports - self.loads + self.dissipated
+
+    @property
     def imbalance(self):
         """K + Π − W_supports − W_loads + D − (its first value): zero but for the error of the integration."""
-        total = self.kinetic + self.strain - self.supports - self.loads + self.dissipated
-        return total - total[..., :1]
+        total = Energies(*on_host(tuple(self))).total
+        return on_device(total - total[..., :1])
 
     @property
     def error(self):
         """The imbalance over the largest energy that takes part at any save [-]."""
-        parts = jnp.abs(jnp.stack([self.kinetic, self.strain, self.supports, self.loads, self.dissipated]))
-        largest = jnp.max(jnp.max(parts, axis=0), axis=-1, keepdims=True)
-        return self.imbalance / jnp.where(largest > 0, largest, 1.0)
+        xp = namespace(self)
+        parts, imbalance = on_host((tuple(self), self.imbalance))
+        largest = xp.max(xp.abs(xp.stack(parts)), axis=0).max(axis=-1, keepdims=True)
+        return on_device(imbalance / xp.where(largest > 0, largest, 1.0))
 
 
 def initial_state(motion: Motion) -> State:
@@ -68,6 +76,16 @@ def initial_state(motion: Motion) -> State:
     force = motion.force(motion.start, motion.factor(zero)[0])
     finite = jnp.isfinite(force).all()
     return State(jnp.zeros((), jnp.int32), motion.start, motion.velocity, force, zero, zero, zero, finite)
+
+
+def before_start(motion: Motion) -> State:
+    """The state from which `march` reaches t = 0 by one step of no length, which only computes the forces there.
+
+    So the program that marches makes the first state too, and no other program holds the model's force.
+    """
+    dtype = motion.start.dtype
+    zero, force = np.zeros((), dtype), np.zeros(motion.start.shape, dtype)
+    return State(np.int32(-1), motion.start, motion.velocity, force, zero, zero, zero, np.asarray(True))  # type: ignore[arg-type]
 
 
 def _work_of_mean(motion: Motion, u: Array, factor: Array, change: Array) -> Array:
@@ -131,6 +149,17 @@ def advance(motion: Motion, state: State, dt: Float[Array, ""], steps: int) -> S
     if steps % size:
         state, _ = jax.lax.scan(one, state, length=steps % size)
     return state
+
+
+def march(motion: Motion, state: State, dt: Float[Array, ""], steps: Int[Array, ""]) -> State:
+    """`steps` steps (traced) of a prepared motion, without reverse differentiation; from `before_start` the first has
+    no length."""
+
+    def one(_, state):
+        return step(motion, state, jnp.where(state.step < 0, 0, dt))
+
+    state = jax.lax.fori_loop(0, steps, one, state)
+    return state._replace(step=jnp.maximum(state.step, 0))  # still −1 where the forces at the start are not finite
 
 
 def energies(motion: Motion, state: State, dt: Float[Array, ""]) -> Energies:

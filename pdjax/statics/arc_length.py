@@ -9,7 +9,6 @@ eigenvalues: where the count changes at a smooth λ(s) a branch crosses. Source:
 """
 
 import equinox as eqx
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
@@ -56,7 +55,7 @@ def equilibrium_path(
         raise ValueError(f"need 0 < arc <= largest_arc and states >= 1; got {arc}, {largest_arc}, {states}")
     need_energy(scene)
     scene = still(scene)
-    q = jnp.zeros(scene.unknowns.shape[0], scene.prescribed.dtype)
+    q = np.zeros(scene.unknowns.shape[0], scene.prescribed.dtype)
     factor = 0.0
 
     def tangent(q, factor):
@@ -103,11 +102,12 @@ def equilibrium_path(
 
 def _correct(scene, q0, factor0, t_q, t_factor, arc, theta2, tolerance):
     """Bordered Newton from the tangent predictor → (q, λ, iterations), or None."""
-    q, factor = q0 + arc * jnp.asarray(t_q), factor0 + arc * t_factor
+    q, factor = (q0 + arc * t_q).astype(q0.dtype), factor0 + arc * t_factor
     for iteration in range(NEWTON):
-        r, scale = residual_and_scale(scene, q, factor)
-        gap = theta2 * t_q @ np.asarray(q - q0) + t_factor * (factor - factor0) - arc
-        size = float(relative(jnp.linalg.norm(r), scale))
+        r, scale = map(np.asarray, residual_and_scale(scene, q, factor))
+        gap = theta2 * t_q @ (q - q0) + t_factor * (factor - factor0) - arc
+        with np.errstate(all="ignore"):  # a residual that is not finite ends the correction
+            size = float(relative(np.linalg.norm(r), scale))
         if not np.isfinite(size):
             return None
         if size <= tolerance and abs(gap) <= 1e-8 * arc:
@@ -116,10 +116,10 @@ def _correct(scene, q0, factor0, t_q, t_factor, arc, theta2, tolerance):
             lu = Factor(matrix(scene, scene.displacement(q, factor), factor))
         except Singular:
             return None
-        a, b = -lu.solve(np.asarray(r)), -lu.solve(np.asarray(load_rate(scene, q, factor)))
+        a, b = -lu.solve(r), -lu.solve(np.asarray(load_rate(scene, q, factor)))
         bottom = theta2 * t_q @ b + t_factor
         if bottom == 0:
             return None
         change = (-gap - theta2 * t_q @ a) / bottom
-        q, factor = q + jnp.asarray(a + change * b), factor + change
+        q, factor = (q + a + change * b).astype(q.dtype), factor + change
     return None

@@ -3,7 +3,7 @@
     r(q(θ), θ) = 0   ⇒   dq/dθ = −A⁻¹ ∂r/∂θ
 
 No iteration is differentiated: at the solution, linear solves with A (forward) or Aᵀ (reverse), by the same sparse
-factor, kept on the host. Exact to second order.
+factor, kept on the host. The rule is differentiated in its turn, so derivatives of every order are exact.
 """
 
 from typing import Any
@@ -15,17 +15,13 @@ import numpy as np
 from jaxtyping import Array
 
 from ..problem import Scene, still
-from ..reduced import Factor, matrix, product, residual_of
+from ..reduced import Factor, matrix, product, residual
 
 
-def attach(scene: Scene, q: Array, factor) -> Array:
-    """q with the derivatives it has as the solution of the (traced) scene; its value is unchanged.
-
-    A Newton step from the root is the implicit function theorem; the second one makes second derivatives exact.
-    """
-    quiet = still(scene)
-    root = jax.lax.stop_gradient(q)
-    lu = Factor(matrix(quiet, quiet.displacement(root, factor), factor), scene.model.hyperelastic)
+def attach(scene: Scene, q: np.ndarray, factor: float) -> Array:
+    """q with the derivatives it has as the solution of the (traced) scene; its value is unchanged."""
+    quiet, root = still(scene), jax.device_put(q)
+    lu = Factor(matrix(quiet, quiet.displacement(q, factor), factor), scene.model.hyperelastic)
 
     def solved(b: Any, transposed: bool) -> np.ndarray:
         columns = np.asarray(b).reshape(-1, b.shape[-1]).T
@@ -35,18 +31,25 @@ def attach(scene: Scene, q: Array, factor) -> Array:
         like = jax.ShapeDtypeStruct(b.shape, b.dtype)
         return jax.pure_callback(lambda x: solved(x, transposed), like, b, vmap_method="expand_dims")
 
-    q = root
-    for _ in range(2):
-        at = q
-        r = residual_of(scene, at, factor)
-        q = at - jax.lax.custom_linear_solve(
-            lambda v, at=at: product(scene, at, factor, v),
-            r - jax.lax.stop_gradient(r),
+    @eqx.filter_custom_jvp
+    def solution(scene: Scene) -> Array:
+        return root
+
+    @solution.def_jvp
+    def rate(primals, tangents):
+        (scene,), (change,) = primals, tangents
+        at = solution(scene)  # differentiable in its turn, and so are second derivatives exact
+        _, dr = eqx.filter_jvp(lambda s: residual(s, at, factor), (scene,), (change,))
+        dq = jax.lax.custom_linear_solve(
+            lambda v: product(scene, at, factor, v),
+            dr,
             solve,
             lambda matvec, b: solve(matvec, b, True),
             symmetric=scene.model.hyperelastic,
         )
-    return q
+        return at, -dq
+
+    return solution(scene)
 
 
 @jax.custom_jvp

@@ -13,7 +13,6 @@ from typing import Any
 
 import equinox as eqx
 import jax
-import jax.numpy as jnp
 import lineax as lx
 import numpy as np
 from jaxtyping import Array
@@ -27,7 +26,7 @@ RESTART = 120  # Krylov vectors that GMRES keeps: 120 × unknowns numbers
 LINEAR_TOLERANCE = 1e-5  # inexact Newton: still up to a factor 10⁵ each iteration
 
 
-def direct(scene: Scene, q: Array, factor: float) -> Callable[[np.ndarray], np.ndarray]:
+def direct(scene: Scene, q: np.ndarray, factor: float) -> Callable[[np.ndarray], np.ndarray]:
     """b ↦ A⁻¹ b by a sparse factor of the exact A."""
     A = matrix(scene, scene.displacement(q, factor), factor)
     return Factor(A, symmetric=scene.model.hyperelastic).solve
@@ -41,9 +40,10 @@ def _gmres(scene: Scene, q, factor, b, tolerance) -> Array:
     return lx.linear_solve(operator, b, solver, throw=False).value
 
 
-def krylov(scene: Scene, q: Array, factor: float) -> Callable[[np.ndarray], np.ndarray]:
+def krylov(scene: Scene, q: np.ndarray, factor: float) -> Callable[[np.ndarray], np.ndarray]:
     """b ↦ A⁻¹ b on JVPs alone: MINRES where A is symmetric, else GMRES."""
-    apply = as_operator(lambda v: product(scene, q, factor, v), q.shape[0])
+    ready = scene.prepared()
+    apply = as_operator(lambda v: product(ready, q, factor, v), q.shape[0])
 
     def solve(b):
         size = np.linalg.norm(b)
@@ -53,7 +53,8 @@ def krylov(scene: Scene, q: Array, factor: float) -> Callable[[np.ndarray], np.n
             # SciPy stops at ‖Ax − b‖ ≤ rtol ‖A‖ ‖x‖: rtol must outweigh a condition number of 10⁷
             x, _ = sla.minres(apply, b / size, rtol=1e-12, maxiter=20 * q.shape[0])
         else:
-            x = np.asarray(_gmres(scene, q, factor, jnp.asarray(b / size), LINEAR_TOLERANCE))
+            load_factor, tolerance = (np.asarray(x, q.dtype) for x in (factor, LINEAR_TOLERANCE))
+            x = np.asarray(_gmres(ready, q, load_factor, np.asarray(b / size, q.dtype), tolerance))
         left = float(np.linalg.norm(apply @ x - b / size))
         if not left < 0.5:
             raise Singular(f"the Krylov solver left {left:.1e} of the right-hand side")
@@ -64,19 +65,24 @@ def krylov(scene: Scene, q: Array, factor: float) -> Callable[[np.ndarray], np.n
 
 def newton(
     scene: Scene,
-    q: Array,
+    q: np.ndarray,
     factor: float,
     tolerance: float,
     max_iterations: int,
-    solver: Callable[[Scene, Array, float], Callable[[Any], Any]],
-) -> tuple[Array, int, list[float]]:
+    solver: Callable[[Scene, np.ndarray, float], Callable[[Any], Any]],
+) -> tuple[np.ndarray, int, list[float]]:
     """Newton from q at a fixed load factor → (q, code, relative residuals)."""
     history: list[float] = []
 
     def measure(q):
-        r, scale = residual_and_scale(scene, q, factor)
-        size = jnp.linalg.norm(r)
-        return np.asarray(r), float(size), float(relative(size, scale))
+        r, scale = map(np.asarray, residual_and_scale(scene, q, factor))
+        with np.errstate(all="ignore"):  # a residual that is not finite is what the caller looks for
+            size = np.linalg.norm(r)
+        return r, float(size), float(relative(size, scale))
+
+    def moved(q, by):
+        with np.errstate(all="ignore"):
+            return (q + by).astype(q.dtype)
 
     r, size, left = measure(q)
     for _ in range(max_iterations):
@@ -86,17 +92,17 @@ def newton(
         if history[-1] <= tolerance:
             return q, CONVERGED, history
         try:
-            step = jnp.asarray(-solver(scene, q, factor)(r))
+            step = -solver(scene, q, factor)(r)
         except Singular:
             return q, SINGULAR, history
         length = 1.0
         for _ in range(HALVINGS):
-            r_new, size_new, left = measure(q + length * step)
+            r_new, size_new, left = measure(moved(q, length * step))
             if size_new <= (1 - 1e-4 * length) * size:
                 break
             length *= 0.5
         else:
             return q, NO_DECREASE, history
-        q, r, size = q + length * step, r_new, size_new
+        q, r, size = moved(q, length * step), r_new, size_new
     history.append(left)
     return q, CONVERGED if history[-1] <= tolerance else OUT_OF_STEPS, history

@@ -22,8 +22,8 @@ HEAVIER = 8  # times that the masses may be quadrupled
 
 
 @eqx.filter_jit
-def _advance(scene: Scene, mass, factor, q, v, old) -> tuple[Array, Array, Array, Array, Array]:
-    """CHUNK steps from (q, v, acceleration of the step before)."""
+def _advance(scene: Scene, mass, factor, q, v, old) -> tuple[Array, Array, Array]:
+    """CHUNK steps of a prepared scene from (q, v, acceleration of the step before)."""
 
     def acceleration(q):
         return residual_of(scene, q, factor) / mass
@@ -40,34 +40,41 @@ def _advance(scene: Scene, mass, factor, q, v, old) -> tuple[Array, Array, Array
         return (q + v, v, a), None
 
     (q, v, old), _ = jax.lax.scan(step, (q, v, old), length=CHUNK)
-    r, scale = residual_and_scale(scene, q, factor)
-    return q, v, old, jnp.linalg.norm(r), scale
+    return q, v, old
 
 
 def _gershgorin(scene: Scene, u, factor) -> np.ndarray:
     return SAFETY * 0.25 * np.asarray(abs(matrix(scene, u, factor)).sum(axis=1))
 
 
+def _size(r: Array) -> float:
+    with np.errstate(all="ignore"):  # it may not be finite: that is what the caller looks for
+        return float(np.linalg.norm(np.asarray(r)))
+
+
 def relaxation(
-    scene: Scene, q: Array, factor: float, tolerance: float, max_iterations: int
-) -> tuple[Array, int, list[float]]:
+    scene: Scene, q: np.ndarray, factor: float, tolerance: float, max_iterations: int
+) -> tuple[np.ndarray, int, list[float]]:
     """Relax from q at a fixed load factor → (q, code, relative residuals, one every CHUNK steps)."""
-    mass = jnp.asarray(
-        np.maximum(*(_gershgorin(scene, scene.displacement(q, where), where) for where in (0.0, float(factor))))
-    )
-    factor_array = jnp.asarray(factor, q.dtype)
+    mass = np.maximum(*(_gershgorin(scene, scene.displacement(q, where), where) for where in (0.0, float(factor))))
+    mass = mass.astype(q.dtype)
+    ready = scene.prepared()
+    factor_array = np.asarray(factor, q.dtype)
     r, scale = residual_and_scale(scene, q, factor_array)
-    history = [float(relative(jnp.linalg.norm(r), scale))]
-    v, old = jnp.zeros_like(q), jnp.zeros_like(q)
-    worst, left = 4 * float(jnp.linalg.norm(r)), HEAVIER
+    size = _size(r)
+    history = [float(relative(size, scale))]
+    v, old = np.zeros_like(q), np.zeros_like(q)
+    worst, left = 4 * size, HEAVIER
     while history[-1] > tolerance and (len(history) - 1) * CHUNK < max_iterations:
-        *after, size, scale = _advance(scene, mass, factor_array, q, v, old)
+        after = _advance(ready, mass, factor_array, q, v, old)
+        r, scale = residual_and_scale(scene, after[0], factor_array)
+        size = _size(r)
         if not size <= worst:  # the material stiffened beyond the bound: heavier masses, from where the chunk began
             if left == 0:
                 return q, NOT_FINITE, history
-            mass, left, v, old = 4 * mass, left - 1, jnp.zeros_like(q), jnp.zeros_like(q)
+            mass, left, v, old = 4 * mass, left - 1, np.zeros_like(q), np.zeros_like(q)
             continue
-        q, v, old = after
+        q, v, old = map(np.asarray, after)
         history.append(float(relative(size, scale)))
     if not np.isfinite(history[-1]):
         return q, NOT_FINITE, history

@@ -4,11 +4,13 @@ The residual is relative: ‖r‖ over the largest of the internal forces (react
 root mean square over points of the forces of their bonds (`pdjax.reduced.residual_and_scale`).
 """
 
+from typing import Any
+
 import equinox as eqx
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from .._checks import is_concrete
 from ..criteria.body import BodyStability
 
 CONVERGED, OUT_OF_STEPS, NO_DECREASE, SINGULAR, NOT_FINITE, STEP_TOO_SMALL, FLOWN = range(7)
@@ -76,15 +78,23 @@ class Equilibrium(eqx.Module):
         )
 
 
-def torn(families, u) -> Array:
+def _bonds(families, u) -> tuple:
+    """ξ, ξ + η (points, bonds, dim) and which bonds are true; of concrete values on the host."""
+    xi, weight, neighbours = families.xi, families.weight, families.neighbours
+    if is_concrete(families, u):
+        xi, weight, neighbours, u = map(np.asarray, (xi, weight, neighbours, u))
+    return xi, xi + (u[neighbours] - u[:, None, :]), weight > 0
+
+
+def torn(families, u) -> Any:
     """Whether a bond is longer than TORN times its reference length: forces that fade pass for equilibrium there."""
-    bonds = families.bonds(u)
-    longer = jnp.sum((bonds.xi + bonds.eta) ** 2, axis=-1) > TORN**2 * jnp.sum(bonds.xi**2, axis=-1)
-    return jnp.any(longer & (families.weight > 0))
+    with np.errstate(all="ignore"):  # u may be no number at all
+        xi, image, true = _bonds(families, u)
+        return (((image**2).sum(axis=-1) > TORN**2 * (xi**2).sum(axis=-1)) & true).any()
 
 
-def turned_bonds(families, u) -> Array:
+def turned_bonds(families, u) -> Any:
     """How many bonds (directed) point backwards."""
-    bonds = families.bonds(u)
-    along = jnp.sum((bonds.xi + bonds.eta) * bonds.xi, axis=-1)
-    return jnp.sum((along <= 0) & (families.weight > 0))
+    with np.errstate(all="ignore"):
+        xi, image, true = _bonds(families, u)
+        return (((image * xi).sum(axis=-1) <= 0) & true).sum()

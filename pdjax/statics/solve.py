@@ -6,12 +6,13 @@ tangent predictor moves the whole body, A δq = −(r + ∂r/∂λ δλ): withou
 layer from a body that has not moved yet.
 """
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from .._checks import choice, is_concrete
+from .._checks import choice, inside_jit, is_concrete, namespace, on_device
 from ..criteria.body import body_stability
 from ..problem import Scene, still
 from ..reduced import Singular, load_rate, residual_and_scale, residual_of
@@ -26,28 +27,28 @@ ITERATIONS = {"newton": 50, "newton_krylov": 50, "trust_region": 200, "relaxatio
 EASY = 6  # iterations up to which the next load step may grow
 
 
-def _attempt(scene: Scene, method: str, q: Array, factor: float, tolerance: float, most: int):
+def _attempt(scene: Scene, method: str, q: np.ndarray, factor: float, tolerance: float, most: int):
     if method == "trust_region":
-        q, code, history = trust_region(scene, q, factor, tolerance, most)
-        values = np.asarray(history)
-        return q, int(code), list(values[np.isfinite(values)])
+        target, left = (np.asarray(x, q.dtype) for x in (factor, tolerance))  # traced: a new one compiles nothing
+        q, code, history = map(np.asarray, trust_region(scene, q, target, left, most))
+        return q, int(code), list(history[np.isfinite(history)])
     if method == "relaxation":
         return relaxation(scene, q, factor, tolerance, most)
     return newton(scene, q, factor, tolerance, most, krylov if method == "newton_krylov" else direct)
 
 
-def _predict(scene: Scene, method: str, q: Array, factor: float, step: float) -> Array:
+def _predict(scene: Scene, method: str, q: np.ndarray, factor: float, step: float) -> np.ndarray:
     """One linear step of the whole body with the load; q itself where A can't be inverted."""
     linear = krylov if method == "newton_krylov" else direct
     try:
         r, _ = residual_and_scale(scene, q, factor)
-        b = np.asarray(r + step * load_rate(scene, q, factor))
-        return q - jnp.asarray(linear(scene, q, factor)(b)) if np.any(b) else q
+        b = np.asarray(r) + step * np.asarray(load_rate(scene, q, factor))
+        return (q - linear(scene, q, factor)(b)).astype(q.dtype) if np.any(b) else q
     except Singular:
         return q
 
 
-def _climb(scene: Scene, method, q: Array, step, smallest_step, predictor, tolerance, most) -> tuple:
+def _climb(scene: Scene, method, q: np.ndarray, step, smallest_step, predictor, tolerance, most) -> tuple:
     """Load stepping from q at load factor 0 → (q, factor, code, history, iterations, the step that failed or None)."""
     factor, history, iterations = 0.0, [], 0
     while True:
@@ -76,9 +77,9 @@ def _climb(scene: Scene, method, q: Array, step, smallest_step, predictor, toler
             step = size / 2
 
 
-def _sound(scene: Scene, q: Array, factor: float) -> bool:
+def _sound(scene: Scene, q: np.ndarray, factor: float) -> bool:
     """Whether the forces are finite on every point, held ones too: the scale is of them all, and already compiled."""
-    return bool(jnp.isfinite(residual_and_scale(scene, q, factor)[1]))
+    return bool(np.isfinite(np.asarray(residual_and_scale(scene, q, factor)[1])))
 
 
 def _check(scene, method, tolerance, step, smallest_step, predictor) -> None:
@@ -121,28 +122,27 @@ def solve(
         tolerance = 1e-10 if scene.prescribed.dtype == jnp.float64 else 1e-5  # rounding leaves 1e-15 to 1e-11, 1e-7
     _check(scene, method, tolerance, step, smallest_step, predictor)
     most = ITERATIONS[method] if max_iterations is None else max_iterations
+    dtype = scene.prescribed.dtype
     if start is None:
-        q = jnp.zeros(scene.unknowns.shape[0], scene.prescribed.dtype)
+        q = np.zeros(scene.unknowns.shape[0], dtype)
     else:
-        q = jnp.asarray(start, scene.prescribed.dtype).reshape(-1)[scene.unknowns]
+        xp = namespace(start, scene.unknowns)
+        q = xp.asarray(start, dtype).reshape(-1)[xp.asarray(scene.unknowns)]
     quiet = still(scene)
-    if not is_concrete(quiet, q):
+    if inside_jit() or not is_concrete(quiet, q):
         if method != "trust_region":
             raise ValueError(f"method {method!r} runs on the host; under jit or vmap use method='trust_region'")
         return _traced(scene, quiet, q, tolerance, most)
     q, factor, code, history, iterations, failed = _climb(
         quiet, method, q, step, smallest_step, predictor, tolerance, most
     )
-    u = scene.displacement(q, factor)
+    u = at = quiet.displacement(q, factor)
     if not is_concrete(scene):  # quiet is, so what flows through it is a derivative
-        if code == CONVERGED:
-            u = scene.displacement(attach(scene, q, factor), factor)
-        u = without_derivative(u, leaves_sum(scene), jnp.asarray(code != CONVERGED))
-    at = quiet.displacement(q, factor)
+        u = _differentiable(scene, attach(scene, q, factor) if code == CONVERGED else q, factor, code != CONVERGED)
     look = stability and scene.model.hyperelastic and _sound(quiet, q, factor)
     result = Equilibrium(
         u,
-        jnp.asarray(factor, q.dtype),
+        on_device(np.asarray(factor, dtype)),
         np.asarray(history),
         iterations,
         code,
@@ -156,10 +156,20 @@ def solve(
     return result
 
 
-def _traced(scene: Scene, quiet: Scene, q: Array, tolerance, most: int) -> Equilibrium:
+@eqx.filter_jit
+def _place(scene: Scene, q: Array | np.ndarray, factor, bad) -> Array:
+    return without_derivative(scene.displacement(q, factor), leaves_sum(scene), bad)
+
+
+def _differentiable(scene: Scene, q, factor: float, bad: bool) -> Array:
+    """u of a scene through which a derivative flows; a derivative is NaN where `bad`."""
+    return _place(scene, q, np.asarray(factor, q.dtype), np.asarray(bad))
+
+
+def _traced(scene: Scene, quiet: Scene, start: Array | np.ndarray, tolerance, most: int) -> Equilibrium:
     """One step at full load, wholly in JAX; its derivative is a dense implicit solve."""
-    q, code, history = trust_region(quiet, q, 1.0, tolerance, most)
-    q = jax.lax.stop_gradient(q)
+    found, code, history = trust_region(quiet, start, 1.0, tolerance, most)
+    q = jax.lax.stop_gradient(found)
     for _ in range(2):  # Newton from the root: the implicit function theorem, exact to second order
         A = jax.jacfwd(lambda p: residual_of(scene, p, 1.0))(q)
         r = residual_of(scene, q, 1.0)

@@ -9,6 +9,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import lineax as lx
+import numpy as np
 import optimistix as optx
 from jaxtyping import Array
 
@@ -20,14 +21,16 @@ LARGEST = 4000  # unknowns: a dense matrix of 128 MB
 
 
 @eqx.filter_jit
-def trust_region(scene: Scene, q: Array, factor, tolerance, max_iterations: int) -> tuple[Array, Array, Array]:
+def trust_region(
+    scene: Scene, q: Array | np.ndarray, factor, tolerance, max_iterations: int
+) -> tuple[Array, Array, Array]:
     """Dogleg from q at a fixed load factor → (q, code, relative residuals (max_iterations + 1,), nan where unused)."""
     if q.shape[0] > LARGEST:
         raise ValueError(
             f"method 'trust_region' is dense and takes at most {LARGEST} unknowns; this scene has {q.shape[0]}:"
             " use 'newton' or 'newton_krylov'"
         )
-    factor = jnp.asarray(factor, q.dtype)
+    q, factor = jnp.asarray(q), jnp.asarray(factor, q.dtype)
 
     def fn(p, _):
         return residual_of(scene, p, factor), None
