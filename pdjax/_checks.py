@@ -4,11 +4,11 @@ Values known before tracing raise `ValueError` at once; values seen only as trac
 guarded by `equinox.error_if`, so that a bad number never travels on silently.
 """
 
+import contextlib
 import dataclasses
 import os
 import tempfile
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -26,6 +26,13 @@ def is_concrete(*trees: Any) -> bool:
 def inside_jit() -> bool:
     """True while `jit` or `scan` traces: values made here are traced too, and the host can't look at any."""
     return isinstance(jax.device_put(np.float32(0)), jax.core.Tracer)
+
+
+def computed(program: Any, *arguments: Any) -> Any:
+    """What a jitted program gives for values that are known, as NumPy arrays; also while something else is traced."""
+    now = jax.ensure_compile_time_eval() if inside_jit() else contextlib.nullcontext()
+    with now:
+        return jax.device_get(program(*arguments))
 
 
 def namespace(*trees: Any) -> Any:
@@ -179,7 +186,7 @@ def writable(path: str | os.PathLike) -> Path:
     return path
 
 
-@contextmanager
+@contextlib.contextmanager
 def moved_whole(path: str | os.PathLike, part: Path) -> Iterator[None]:
     """What is written to `part` becomes `path`, or nothing does; a disk that refuses is said with the file's name."""
     try:
@@ -191,7 +198,7 @@ def moved_whole(path: str | os.PathLike, part: Path) -> Iterator[None]:
         part.unlink(missing_ok=True)
 
 
-@contextmanager
+@contextlib.contextmanager
 def written_whole(path: str | os.PathLike) -> Iterator[BinaryIO]:
     """A stream that becomes the file `path` when all of it is written, and nothing if something fails on the way."""
     path = writable(path)

@@ -16,7 +16,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ._checks import deformation_gradient, is_concrete, require
+from ._checks import as_array, computed, deformation_gradient, is_concrete, on_device, require
 from ._memory import remember, value_key
 from .bloch import block_at_center, homogeneous_tangent, modulus_at_rest, wave_phases
 from .cosine_series import reached, series, symbols
@@ -73,7 +73,7 @@ def linearised(model: AbstractModel, fam: Family, F: np.ndarray) -> States:
     padded[:count] = F
 
     def make():
-        blocks, modulus = jax.device_get(_linearise(model, fam, padded, np.asarray(count)))
+        blocks, modulus = computed(_linearise, model, fam, padded, np.asarray(count))
         offsets = reached(dim, len(fam.influence), _rings(model))
         return States(blocks[:count], offsets, float(modulus), float(fam.spacing))
 
@@ -92,7 +92,7 @@ def resting_modulus(model: AbstractModel, fam: Family) -> float:
     def make():
         if has_series(model):
             return linearised(model, fam, np.zeros((0, fam.dim, fam.dim))).modulus
-        return float(modulus_at_rest(model, fam))
+        return float(computed(modulus_at_rest, model, fam))
 
     return remember(fam, ("modulus", value_key(model)), make)
 
@@ -140,7 +140,7 @@ def symbol(model: AbstractModel, fam: Family, F, k) -> Float[Array, "*waves dim 
     k = _wave_vectors(k, fam.dim, F.dtype)
     if is_concrete(model, fam, F, k):
         states = linearised(model, fam, np.asarray(F)[None])
-        return jnp.asarray(symbols(states.blocks[0], states.offsets, np.asarray(k) * states.spacing))
+        return on_device(symbols(states.blocks[0], states.offsets, k * states.spacing))
     return _symbol(model, fam, F, k)
 
 
@@ -170,7 +170,7 @@ def center_block(model: AbstractModel, fam: Family, F) -> Float[Array, "dim dim"
     check_model(model, fam, Family)
     F = deformation_gradient(F, fam.dim)
     if is_concrete(model, fam, F) and has_series(model):
-        return jnp.asarray(-2 * linearised(model, fam, np.asarray(F)[None]).blocks[0].sum(axis=0))
+        return on_device(-2 * linearised(model, fam, np.asarray(F)[None]).blocks[0].sum(axis=0))
     return _center_block(model, fam, F)
 
 
@@ -183,5 +183,5 @@ def p_wave_modulus(model: AbstractModel, fam: Family) -> Float[Array, ""]:
     """M = ∂P₁₁/∂F₁₁ at F = I [pressure]: the law's λ + 2μ, as the model on this family has it."""
     check_model(model, fam, Family)
     if is_concrete(model, fam):
-        return jnp.asarray(np.asarray(resting_modulus(model, fam), fam.xi.dtype))
+        return as_array(resting_modulus(model, fam), fam.xi.dtype)
     return modulus_at_rest(model, fam)

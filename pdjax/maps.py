@@ -20,7 +20,7 @@ import numpy as np
 from jax.sharding import Mesh
 from jaxtyping import Float
 
-from ._checks import as_real, choice, finite, writable, written_whole
+from ._checks import as_real, choice, computed, finite, writable, written_whole
 from ._progress import progress
 from .bloch import homogeneous_tangent, modulus_at_rest
 from .cosine_series import reached, series
@@ -138,7 +138,7 @@ def _evaluated(job: "_Job", make: Callable, path: Path, mesh: Mesh | None) -> li
     found: dict[str, Any] = {}
     able = [n for n in job.names if n in FROM_STATES] if mesh is None and has_series(model) else []
     if able and (model.hyperelastic or "symbol" not in able):
-        blocks, modulus = jax.device_get(_linearised_chunk(job.m, job.a, fam, make, path))
+        blocks, modulus = computed(_linearised_chunk, job.m, job.a, fam, make, path)
         rings = 3 if isinstance(model, TwoStageModel) else 2
         states = States(blocks, reached(fam.dim, len(fam.influence), rings), modulus, float(fam.spacing))
         found = {name: from_states(name, model, fam, states, zone) for name in able}
@@ -155,7 +155,7 @@ def _check_loads(a: np.ndarray, model: AbstractModel, fam, path: Path) -> None:
     if getattr(path, "stretch", False) and (a <= -1).any():
         i = int(np.argmax(a <= -1))
         raise ValueError(f"a must be > -1, for 1 + a is a stretch of this path; a[{i}] = {a[i]:g}")
-    det = np.linalg.det(np.asarray(deformations(path, np.asarray(a, fam.xi.dtype), model, fam)))
+    det = np.linalg.det(computed(deformations, path, np.asarray(a, fam.xi.dtype), model, fam))
     if (det <= 0).any():
         i = int(np.argmax(det <= 0))
         raise ValueError(f"a must keep det F > 0 along the path; a[{i}] = {a[i]:g} gives det F = {det[i]:g}")

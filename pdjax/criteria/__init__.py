@@ -97,8 +97,7 @@ def stability(
     zone = family_zone(fam, kept_symmetry(F, fam, model.isotropic), resolution)
     quiet = quiet_model, quiet_fam, quiet_F = still((model, fam, F))
     if is_concrete(quiet):
-        with jax.ensure_compile_time_eval():
-            out = outcomes(criterion, quiet_model, quiet_fam, np.asarray(quiet_F)[None], zone)
+        out = outcomes(criterion, quiet_model, quiet_fam, np.asarray(quiet_F)[None], zone)
         out = jax.tree.map(lambda x: x[0], out)
         if not is_concrete(model, fam, F):  # a derivative flows through: the quotient where the search has ended
             out = _with_derivative(model, fam, F, criterion, zone.intervals, zone.symmetry, out)

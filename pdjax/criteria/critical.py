@@ -20,7 +20,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .._checks import as_array, choice, is_concrete, still
+from .._checks import as_array, choice, computed, is_concrete, still
 from ..bloch import homogeneous_tangent, modulus_at_rest, wave_phases
 from ..force import check_model
 from ..laws import Law
@@ -165,7 +165,7 @@ def _host_edge(model, fam, path: Path, criterion: str, sign: float, samples: np.
     seen: list[np.ndarray] = []
 
     def look(sizes):
-        F = np.asarray(deformations(path, (sign * sizes).astype(real), model, fam))
+        F = computed(deformations, path, (sign * sizes).astype(real), model, fam)
         out = outcomes(criterion, model, fam, F, zone)
         seen.append(np.stack([sizes, out.margin]))
         return out.margin, np.asarray(out.margin > margin_tolerance(real, out.scale)), out.at
@@ -239,8 +239,7 @@ def critical_load(
     if not is_concrete(quiet):
         check_at_rest(model, fam)
         return _traced(model, fam, path, criterion, sign, samples, zone.intervals, zone.symmetry)
-    with jax.ensure_compile_time_eval():
-        (low, high, exists, at), seen = _host_edge(*quiet, criterion, float(sign), samples, zone)
+    (low, high, exists, at), seen = _host_edge(*quiet, criterion, float(sign), samples, zone)
     if is_concrete(model, fam, path):
         return as_array(sign * (_secant(low, high, seen, real) if exists else np.inf), real)
     bracket = np.asarray(low, real), np.asarray(high, real), np.asarray(exists), at

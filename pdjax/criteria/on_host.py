@@ -14,6 +14,7 @@ import equinox as eqx
 import jax
 import numpy as np
 
+from .._checks import computed
 from ..cosine_series import reached
 from ..lattice_states import STATES, States, check_at_rest, checked_states, has_series
 from ..models.base import AbstractModel, TwoStageModel
@@ -40,7 +41,7 @@ def searched(states: States, model: AbstractModel, fam: Family, zone: Zone) -> F
     padded[:count] = scaled
     rings, group = (3 if isinstance(model, TwoStageModel) else 2), (None if size == STATES else MANY)
     program = _search(fam.dim, len(fam.influence), rings, zone.intervals, zone.symmetry, group)
-    return Found(*(x[:count] for x in jax.device_get(program(padded, np.asarray(count)))))
+    return Found(*(x[:count] for x in computed(program, padded, np.asarray(count))))
 
 
 def _packed(blocks: np.ndarray) -> np.ndarray:
@@ -116,5 +117,5 @@ def outcomes(criterion: str, model: AbstractModel, fam: Family, F: np.ndarray, z
     check_at_rest(model, fam)
     padded = np.broadcast_to(np.eye(fam.dim), (STATES, fam.dim, fam.dim)).astype(fam.xi.dtype)
     padded[: len(F)] = F
-    out = jax.device_get(_traced(criterion, model, fam, padded, zone.intervals, zone.symmetry))
+    out = computed(_traced, criterion, model, fam, padded, zone.intervals, zone.symmetry)
     return jax.tree.map(lambda x: np.broadcast_to(x, (STATES,))[: len(F)] if np.ndim(x) == 0 else x[: len(F)], out)
