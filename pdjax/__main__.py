@@ -195,8 +195,11 @@ def _map(arguments) -> Job:
     rest |= {"influence": influence, "resolution": arguments.resolution}
     if arguments.m.size * arguments.a.size >= 16 * _FIRST:  # a picture soon, of every fourth m and a; then the map
         first = pd.stability_map(arguments.m[::4], arguments.a[::4], **rest)
-        write_picture(pd.figures.stability_map(first), picture)
-        print(f"first picture, {first.margin.size} states, after {time.perf_counter() - start:.1f} s", file=sys.stderr)
+        drawn = pd.figures.stability_map(first)
+        drawn.suptitle("Coarse preview: every fourth order and load; the whole map follows", fontsize=11, color="#B00020")
+        write_picture(drawn, picture)
+        seconds = time.perf_counter() - start
+        print(f"coarse preview, {first.margin.size} states, in {picture} after {seconds:.1f} s", file=sys.stderr)
     lines = ["diagonal", "affine", "local", "continuum"]
     grid = pd.stability_map(arguments.m, arguments.a, lines=lines, save=data, **rest)
     seconds = time.perf_counter() - start

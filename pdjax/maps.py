@@ -22,14 +22,15 @@ from jaxtyping import Float
 
 from ._checks import as_real, choice, computed, finite, writable, written_whole
 from ._progress import progress
-from .bloch import homogeneous_tangent, modulus_at_rest
+from .bloch import homogeneous_tangent
 from .cosine_series import reached, series
-from .criteria import CRITERIA, check_at_rest, evaluate, family_zone, margin_tolerance, verdicts
+from .criteria import CRITERIA, evaluate, family_zone, margin_tolerance, verdicts
 from .criteria.critical import deformations
-from .criteria.on_host import FROM_STATES, from_states
+from .criteria.on_host import FROM_STATES, MANY, from_states
 from .devices import device_mesh, sharded_vmap
+from .force import check_model
 from .influence import constant_influence
-from .lattice_states import States, has_series
+from .lattice_states import States, check_modulus, has_series, resting_modulus
 from .laws import Law, law_label
 from .models.base import AbstractModel, TwoStageModel
 from .models.seth_hill import SethHill
@@ -121,14 +122,20 @@ def _chunk(m, a, fam, make, path: Path, names: tuple[str, ...], intervals: int, 
 
 @eqx.filter_jit
 def _linearised_chunk(m, a, fam, make, path: Path):
-    """The cosine series and the P-wave modulus of every pair (m, a)."""
+    """The cosine series of every pair (m, a)."""
 
     def one(m, a):
         model = make(m)
-        tangent = homogeneous_tangent(model, fam, path(a, model, fam))
-        return series(tangent, fam.dim, len(fam.influence)), modulus_at_rest(model, fam)
+        return series(homogeneous_tangent(model, fam, path(a, model, fam)), fam.dim, len(fam.influence))
 
     return jax.vmap(one)(m, a)
+
+
+def _from_series(model: AbstractModel, names: tuple[str, ...], mesh: Mesh | None) -> tuple[str, ...]:
+    """The criteria that the linearised states are enough for."""
+    if mesh is not None or not has_series(model):
+        return ()
+    return tuple(n for n in names if n in FROM_STATES and (n != "symbol" or model.hyperelastic))
 
 
 def _evaluated(job: "_Job", make: Callable, path: Path, mesh: Mesh | None) -> list[tuple]:
@@ -136,11 +143,10 @@ def _evaluated(job: "_Job", make: Callable, path: Path, mesh: Mesh | None) -> li
     the search is the program that all models share; the rest, and all on many devices, in one program."""
     fam, zone, model = job.fam, job.zone, make(job.m[0])
     found: dict[str, Any] = {}
-    able = [n for n in job.names if n in FROM_STATES] if mesh is None and has_series(model) else []
-    if able and (model.hyperelastic or "symbol" not in able):
-        blocks, modulus = computed(_linearised_chunk, job.m, job.a, fam, make, path)
-        rings = 3 if isinstance(model, TwoStageModel) else 2
-        states = States(blocks, reached(fam.dim, len(fam.influence), rings), modulus, float(fam.spacing))
+    able = _from_series(model, job.names, mesh)
+    if able:
+        blocks = computed(_linearised_chunk, job.m, job.a, fam, make, path)
+        states = States(blocks, _offsets(model, fam), job.modulus, float(fam.spacing))
         found = {name: from_states(name, model, fam, states, zone) for name in able}
         found = {n: (o.margin, o.eigenvalue, margin_tolerance(job.m.dtype, o.scale)) for n, o in found.items()}
     rest = tuple(n for n in job.names if n not in found)
@@ -171,16 +177,33 @@ def _check_memory(shape: tuple[int, ...], criteria: int) -> None:
         )
 
 
-def _check_models(make: Callable, orders: np.ndarray, loads: np.ndarray, fams: list, path: Path) -> AbstractModel:
-    """The model of the first order, when all are models that these families can rest in and the loads apply."""
+def _offsets(model: AbstractModel, fam: Family) -> np.ndarray:
+    return reached(fam.dim, len(fam.influence), 3 if isinstance(model, TwoStageModel) else 2)
+
+
+def _moduli(make: Callable, orders: np.ndarray, fam: Family, path: Path, size: int) -> np.ndarray:
+    """The checked P-wave modulus of every order, by the program that linearises the chunks: at rest, a = 0."""
+    orders = orders[:1] if isinstance(make, _SethHillOf) else orders  # at rest its order changes nothing
+    models = [make(as_real(m)) for m in orders]
+    for model in models:
+        check_model(model, fam, Family)
+    if not has_series(models[0]):
+        return np.array([resting_modulus(model, fam) for model in models])
+    along, values = _offsets(models[0], fam)[:, 0] ** 2, np.empty(len(orders))
+    for start in range(0, len(orders), size):
+        index = np.minimum(np.arange(start, start + size), len(orders) - 1)
+        m = orders[index].astype(fam.xi.dtype)
+        blocks = computed(_linearised_chunk, m, np.zeros_like(m), fam, make, path)
+        values[index] = blocks[:, :, 0, 0] @ along * float(fam.spacing) ** 2
+    for model, value in zip(models, values, strict=True):
+        check_modulus(model, value)
+    return values
+
+
+def _first_model(make: Callable, orders: np.ndarray) -> AbstractModel:
     first = make(as_real(orders[0]))
     if not isinstance(first, AbstractModel):
         raise ValueError(f"model must be a function m -> pdjax model; it gave {type(first).__name__}")
-    alike = isinstance(make, _SethHillOf)  # at rest the order of a Seth–Hill strain changes nothing
-    for fam in fams:
-        for m in orders[: 1 if alike else None]:
-            check_at_rest(make(as_real(m)), fam)
-        _check_loads(loads, first, fam, path)
     return first
 
 
@@ -200,8 +223,8 @@ def _parameter(make: Callable) -> str:
         return "parameter"
 
 
-def _thinned(x: np.ndarray) -> np.ndarray:
-    return x[np.linspace(0, len(x) - 1, min(len(x), _LINE_POINTS)).round().astype(int)]
+def _thin(x: np.ndarray) -> np.ndarray:
+    return np.linspace(0, len(x) - 1, min(len(x), _LINE_POINTS)).round().astype(int)
 
 
 def stability_map(
@@ -245,7 +268,7 @@ def stability_map(
     target = None if save is None else writable(save)
 
     fams = [lattice_family(dim, float(n), influence=influence) for n in horizons]
-    first = _check_models(make, orders, loads, fams, path)
+    first = _first_model(make, orders)
     zones = [family_zone(fam, path_symmetry(path, fam, first.isotropic), resolution) for fam in fams]
     settings = {
         "dim": dim,
@@ -259,7 +282,7 @@ def stability_map(
         "resolution": [zone.intervals for zone in zones],
         "dtype": str(fams[0].xi.dtype),
     }
-    thin_m, thin_a = _thinned(orders), _thinned(loads)
+    thin_m, thin_a = orders[_thin(orders)], loads[_thin(loads)]
     results = np.full((3, *shape), np.nan)
     extra = np.full((len(lines), len(horizons), len(thin_m), len(thin_a)), np.nan)
 
@@ -270,10 +293,14 @@ def stability_map(
 
     jobs = []
     for n, (fam, zone) in enumerate(zip(fams, zones, strict=True)):
-        wide = 8 * len(zone.grid) * dim * (dim + 4)
-        jobs += _jobs(fam, zone, names[:1], orders, loads, wide, devices, results[:, n].reshape(3, 1, -1))
+        size = _chunk_size(zone, devices, len(orders) * len(loads))
+        moduli = np.broadcast_to(_moduli(make, orders, fam, path, size), orders.shape)
+        _check_loads(loads, first, fam, path)
+        jobs += _jobs(fam, zone, names[:1], orders, moduli, loads, size, results[:, n].reshape(3, 1, -1))
         if lines:
-            jobs += _jobs(fam, zone, names[1:], thin_m, thin_a, wide, devices, extra[:, n].reshape(1, len(lines), -1))
+            thin = np.broadcast_to(moduli, orders.shape)[_thin(orders)]
+            into = extra[:, n].reshape(1, len(lines), -1)
+            jobs += _jobs(fam, zone, names[1:], thin_m, thin, thin_a, min(size, into.shape[2]), into)
     saved = time.monotonic()
     for job in progress(jobs, len(jobs), f"{criterion} map", show_progress):
         _do(job, make, path, mesh)
@@ -293,19 +320,26 @@ class _Job(NamedTuple):
     zone: Zone
     names: tuple[str, ...]
     m: np.ndarray
+    modulus: np.ndarray
     a: np.ndarray
     index: np.ndarray
     out: np.ndarray
 
 
-def _jobs(fam, zone: Zone, names: tuple[str, ...], orders, loads, wide: float, devices: int, out: np.ndarray) -> list:
+def _chunk_size(zone: Zone, devices: int, states: int) -> int:
+    """States in a chunk: whole groups of states that climb together."""
+    dim = zone.grid.shape[1]
+    size = int(np.clip(_CHUNK_BYTES // (8 * len(zone.grid) * dim * (dim + 4)), 16, 4096))
+    return min(max(size // MANY * MANY, min(size, MANY)) * devices, states)
+
+
+def _jobs(fam, zone: Zone, names: tuple[str, ...], orders, moduli, loads, size: int, out: np.ndarray) -> list:
     """The grid of one family in chunks of equal size."""
-    M, A = (x.reshape(-1).astype(fam.xi.dtype) for x in np.meshgrid(orders, loads, indexing="ij"))
-    size = min(int(np.clip(_CHUNK_BYTES // wide, 16, 4096)) * devices, len(M))
+    m, a = (x.reshape(-1).astype(fam.xi.dtype) for x in np.meshgrid(orders, loads, indexing="ij"))
     jobs = []
-    for start in range(0, len(M), size):
-        index = np.minimum(np.arange(start, start + size), len(M) - 1)  # the last chunk repeats its last state
-        jobs.append(_Job(fam, zone, names, M[index], A[index], index, out))
+    for start in range(0, len(m), size):
+        index = np.minimum(np.arange(start, start + size), len(m) - 1)  # the last chunk repeats its last state
+        jobs.append(_Job(fam, zone, names, m[index], moduli[index // len(loads)], a[index], index, out))
     return jobs
 
 

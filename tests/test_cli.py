@@ -200,4 +200,4 @@ def test_a_large_map_shows_a_first_picture_of_every_fourth_state(tmp_path, capsy
     monkeypatch.setattr(command, "_critical_rows", lambda *_: [])
     assert main(["map", "--m=-1:2:160", "--a=-0.1:0.1:161", "--out", str(tmp_path / "large")]) == 0
     assert seen == [(40, 41, False), (160, 161, True)]
-    assert "first picture, 1640 states, after" in capsys.readouterr().err
+    assert "coarse preview, 1640 states, in" in capsys.readouterr().err

@@ -36,7 +36,8 @@ def _search(dim: int, bonds: int, rings: int, intervals: int, symmetry: str, gro
 def searched(states: States, model: AbstractModel, fam: Family, zone: Zone) -> Found:
     """Where the searches of all states ended, in NumPy."""
     scaled = np.asarray(_packed(states.scaled), fam.xi.dtype)
-    count, size = len(scaled), max(STATES, len(scaled))
+    count = len(scaled)
+    size = -(-count // STATES) * STATES
     padded = np.zeros((size, *scaled.shape[1:]), scaled.dtype)
     padded[:count] = scaled
     rings, group = (3 if isinstance(model, TwoStageModel) else 2), (None if size == STATES else MANY)
