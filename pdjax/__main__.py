@@ -196,7 +196,7 @@ def _map(arguments) -> Job:
     if arguments.m.size * arguments.a.size >= 16 * _FIRST:  # a picture soon, of every fourth m and a; then the map
         first = pd.stability_map(arguments.m[::4], arguments.a[::4], **rest)
         drawn = pd.figures.stability_map(first)
-        drawn.suptitle("Coarse preview: every fourth order and load; the whole map follows", fontsize=11, color="#B00020")
+        drawn.suptitle("Coarse preview: every fourth order and load; the whole map follows", color="#B00020")
         write_picture(drawn, picture)
         seconds = time.perf_counter() - start
         print(f"coarse preview, {first.margin.size} states, in {picture} after {seconds:.1f} s", file=sys.stderr)
