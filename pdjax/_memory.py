@@ -16,6 +16,7 @@ import jax
 import numpy as np
 
 MOST = 32  # entries an object keeps; the one that was not used for longest goes first
+LARGEST = 2**30  # bytes of all arrays that an object's entries hold; a larger single entry stays alone
 SMALL = 64  # numbers in an array up to which its values are compared, not its identity
 
 _MEMORIES: dict[int, tuple[weakref.ref, OrderedDict]] = {}
@@ -49,14 +50,21 @@ def _memory(owner: Any) -> OrderedDict:
     return made
 
 
+def _bytes(memory: OrderedDict) -> int:
+    arrays = {id(x): x.nbytes for x in jax.tree.leaves(list(memory.values())) if isinstance(x, jax.Array | np.ndarray)}
+    return sum(arrays.values())
+
+
 def remember(owner: Any, key: Hashable, make: Callable[[], Any]) -> Any:
-    """`make()`, computed once for this owner (an equinox module) and key."""
+    """`make()`, computed once for this owner (an equinox module) and key, even while something else is traced."""
     memory = _memory(owner)
     if key in memory:
         memory.move_to_end(key)
         return memory[key]
-    memory[key] = value = make()
-    if len(memory) > MOST:
+    with jax.core.eval_context():  # `ensure_compile_time_eval` would take the programs of `make` apart
+        value = make()
+    memory[key] = value
+    while len(memory) > MOST or (len(memory) > 1 and _bytes(memory) > LARGEST):
         memory.popitem(last=False)
     return value
 

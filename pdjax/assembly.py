@@ -30,8 +30,7 @@ from .models.base import AbstractModel, PointStateModel, TwoStageModel
 from .neighbours import Bonds, Families
 
 
-@eqx.filter_jit
-def _point_tangents(model, fams, bonds):
+def _point_tangents(model: AbstractModel, fams: Families, bonds: Bonds) -> Any:
     """LowRank of every point (point-state models), or the dense C of every point."""
     varying, shared = split_model(model, len(fams))
     if not isinstance(model, PointStateModel | TwoStageModel):
@@ -104,8 +103,14 @@ def _product(P: sp.bsr_array, S: sp.bsr_array) -> sp.bsr_array:
 
 
 @eqx.filter_jit
-def _ring_blocks(model: PointStateModel, fams: Families, bonds: Bonds) -> tuple[Array, ...]:
+def _tangents(model: AbstractModel, fams: Families, u: Array, F: Array | None) -> Any:
+    return _point_tangents(model, fams, fams.bonds(u, F))
+
+
+@eqx.filter_jit
+def _ring_blocks(model: PointStateModel, fams: Families, u: Array, F: Array | None) -> tuple[Array, ...]:
     """D, P and S of the module's text, each as its blocks on bonds (points, bonds, …) and on points (points, …)."""
+    bonds = fams.bonds(u, F)
     real = (fams.weight > 0)[..., None, None]
     t = _point_tangents(model, fams, bonds)
     B, G, S = (jnp.where(real, x, 0.0) for x in (t.B, t.G, jnp.moveaxis(t.R, 2, 1)))
@@ -117,18 +122,18 @@ def _ring_blocks(model: PointStateModel, fams: Families, bonds: Bonds) -> tuple[
     return D, -jnp.sum(D, axis=1), P, jnp.sum(P_own, axis=1), S, -jnp.sum(S, axis=1)
 
 
-def sparse_jacobian(model: AbstractModel, fams: Families, bonds: Bonds) -> sp.csr_array:
-    """J (points·dim, points·dim) of checked `bonds`, with sorted indices."""
+def sparse_jacobian(model: AbstractModel, fams: Families, u: Array, F: Array | None) -> sp.csr_array:
+    """J (points·dim, points·dim) at checked u and mean deformation F (or None), with sorted indices."""
     points, dim = len(fams), fams.dim
     if isinstance(model, PointStateModel):
-        D, D_own, P, P_own, S, S_own = (np.asarray(x, dtype=float) for x in _ring_blocks(model, fams, bonds))
+        D, D_own, P, P_own, S, S_own = (np.asarray(x, dtype=float) for x in _ring_blocks(model, fams, u, F))
         rings = _Rings.of(fams)
         J = rings.matrix(D, D_own)
         J.sort_indices()
         if S.shape[2]:
             J = J + _product(rings.matrix(P, P_own), rings.matrix(S, S_own))
         return J.tocsr()  # sorted, as both terms were
-    tangents = _point_tangents(model, fams, bonds)
+    tangents = _tangents(model, fams, u, F)
     true = np.asarray(fams.weight) > 0
     i, slot = np.nonzero(true)
     j = np.asarray(fams.neighbours)[i, slot]

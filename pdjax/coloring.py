@@ -18,8 +18,8 @@ import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Array, Float, Int
 
-from .evaluate import force_density
-from .force import check_model, point_field
+from .evaluate import ForceOperator, force_operator
+from .force import body_state
 from .models.base import AbstractModel
 from .neighbours import Families
 
@@ -56,10 +56,12 @@ def colouring(pattern: sp.csr_array) -> Int[np.ndarray, " points"]:
 
 
 @eqx.filter_jit
-def _probes(model, fams, u, F, colours: Array, count: int) -> Float[Array, "colours dim points dim"]:
+def _probes(
+    operator: ForceOperator, u: Array, F: Array | None, colours: Array | np.ndarray, count: int
+) -> Float[Array, "colours dim points dim"]:
     """∂f/∂(all points of a colour along an axis), for every colour and axis."""
-    _, push = jax.linearize(lambda w: force_density(model, fams, w, F), u)
-    axes = jnp.eye(fams.dim, dtype=u.dtype)
+    _, push = jax.linearize(lambda w: operator(w, F), u)
+    axes = jnp.eye(u.shape[1], dtype=u.dtype)
 
     def one(colour):
         mine = (colours == colour).astype(u.dtype)
@@ -75,12 +77,11 @@ def coloured_jacobian(model: AbstractModel, fams: Families, u, F=None) -> sp.csr
     Arguments: u (points, dim) [length]; F (dim, dim) a mean deformation or None, as in `force_density`.
     Raises: ValueError as `force_density`.
     """
-    check_model(model, fams, Families)
-    fams.need_arrays()
-    u = point_field(u, fams).astype(fams.xi.dtype)
+    u, F = body_state(model, fams, u, F)
+    operator = force_operator(model, fams, mean=F is not None)
     pattern = jacobian_pattern(fams, model.rings)
     colours = colouring(pattern)
-    probes = np.asarray(_probes(model, fams, u, F, jnp.asarray(colours), int(colours.max()) + 1))
+    probes = np.asarray(_probes(operator, u.astype(fams.dtype), F, colours, int(colours.max()) + 1))
     i, j = np.repeat(np.arange(len(fams)), np.diff(pattern.indptr)), pattern.indices
     blocks = probes[colours[j], :, i, :].transpose(0, 2, 1)  # [component of f, component of u]
     size = len(fams) * fams.dim

@@ -6,8 +6,9 @@
     fft          a lattice by convolutions, where moments and bond force are polynomials of degree 1 or 2 in the
                  displacement: the cost does not grow with the horizon
 
-What depends on the reference configuration alone (shape tensors, transforms of kernels) is computed once, by
-`force_operator`.
+What depends on the reference configuration alone (shape tensors, transforms of kernels) is computed once for each
+families object and for those constants of the model that it reads, and remembered with the families: a plain
+`force_density`, in a user's own `jit` too, costs what the operator of `force_operator` costs.
 """
 
 import math
@@ -19,14 +20,16 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ._checks import choice, deformation_gradient, is_concrete
+from ._checks import choice, deformation_gradient, inside_jit, is_concrete
+from ._dependence import known_part
+from ._memory import remember, value_key
 from .force import check_model, point_field, split_model, whole_force
 from .models.base import AbstractModel, PointStateModel
 from .neighbours import Families
-from .ways.convolution import Convolution
+from .ways.convolution import Convolution, has_kernels
 from .ways.promises import check_promises
-from .ways.stream import reference_sums, streamed_force
-from .ways.walks import GridWalk, SlotWalk
+from .ways.stream import reference_moments, reference_sums, streamed_force
+from .ways.walks import GridWalk, SlotWalk, Walk
 
 WAYS = ("auto", "families", "slices", "fft")
 SMALL = 10_000  # bonds below which all go at once: a third of the time to compile, under a millisecond to run
@@ -48,6 +51,8 @@ def _refusal(model: AbstractModel, fams: Families, way: str) -> str | None:
             return f"the force of {type(model).__name__} is no polynomial of the displacement (or its order is traced)"
         if jax.tree.leaves(split_model(model, len(fams))[0]):
             return "a constant of the model varies from point to point"
+        if not has_kernels(model, fams):
+            return "moments or bond force depend on a constant of the model that is traced"
     return None
 
 
@@ -55,8 +60,12 @@ def _alike(fams: Families) -> bool:
     """Whether all points have the volume of a cell, as far as it is known."""
     if not is_concrete(fams.volumes):
         return True
-    volumes = np.asarray(fams.volumes)
-    return bool((np.abs(volumes - volumes[0]) <= 1e-6 * volumes[0]).all())
+
+    def found() -> bool:
+        volumes = np.asarray(fams.volumes)
+        return bool((np.abs(volumes - volumes[0]) <= 1e-6 * volumes[0]).all())
+
+    return remember(fams, "alike", found)
 
 
 def ways_of(model: AbstractModel, fams: Families) -> tuple[str, ...]:
@@ -65,7 +74,6 @@ def ways_of(model: AbstractModel, fams: Families) -> tuple[str, ...]:
 
 
 def _choose(model: AbstractModel, fams: Families, way: str, mean: bool) -> str:
-    choice("way", way, WAYS)
     able = tuple(w for w in ways_of(model, fams) if not (mean and w == "fft"))
     if way != "auto":
         if way not in able:
@@ -84,12 +92,21 @@ def _choose(model: AbstractModel, fams: Families, way: str, mean: bool) -> str:
 
 
 class ForceOperator(eqx.Module):
-    """f(u) of one model on one body, with all that does not depend on u done: call it with u (points, dim) [length]."""
+    """f(u) of one model on one body, with all that does not depend on u done: call it with u (points, dim) [length].
+
+    An operator is equal to itself alone, so that `jax.jit(operator)` and `jax.checkpoint(operator)` work.
+    """
 
     model: AbstractModel
     families: Families
     plan: Any  # Convolution; (walk, reference sums); None: all bonds at once
     way: str = eqx.field(static=True)
+
+    def __hash__(self) -> int:
+        return id(self)
+
+    def __eq__(self, other: object) -> bool:
+        return self is other
 
     def __call__(self, u, F=None) -> Float[Array, "points dim"]:
         """f (points, dim) [force/length^dim]; arguments as `force_density`."""
@@ -101,21 +118,57 @@ class ForceOperator(eqx.Module):
                 f"way {self.way!r} is for real u; got {u.dtype}: for derivatives use jax.jvp, or a body of fewer than"
                 f" {SMALL} bonds, whose force is one function of all bonds"
             )
-        return _evaluate(self, u, None if F is None else deformation_gradient(F, self.families.dim))
+        F = None if F is None else deformation_gradient(F, self.families.dim)
+        prepared = (self.plan, self.families.horizon) if self.plan is not None else self.families
+        return _evaluate(self.model, _kept(prepared), u, F)
 
 
-def _symmetric(fams: Families) -> bool:
-    """Whether every bond weighs the same from both ends; known only of concrete arrays."""
-    if not is_concrete(fams):
-        return fams.grid is not None
-    omega = np.asarray(fams.influence) * np.asarray(fams.weight)
-    return bool((omega == omega[np.asarray(fams.neighbours), np.asarray(fams.reverse)]).all())
+def _kept(prepared: Any) -> Any:
+    """Known arrays, in a program of the user's hidden from the compiler: it would compute with them while it compiles,
+    for seconds."""
+    if not is_concrete(prepared) or not inside_jit():
+        return prepared
+    arrays, rest = eqx.partition(prepared, eqx.is_array)
+    return eqx.combine(jax.lax.optimization_barrier(arrays), rest)
 
 
 @eqx.filter_jit
-def _walked(model: PointStateModel, fams: Families, way: str, symmetric: bool) -> tuple[Any, Array]:
-    walk = GridWalk.of(fams) if way == "slices" else SlotWalk.of(fams, symmetric)
-    return walk, reference_sums(split_model(model, len(fams)), walk, fams.dim, fams.horizon)
+def _evaluate(model: AbstractModel, prepared: Any, u: Array, F: Array | None) -> Float[Array, "points dim"]:
+    if isinstance(prepared, Families):
+        return whole_force(model, prepared, prepared.bonds(u, F))
+    plan, horizon = prepared
+    assert isinstance(model, PointStateModel)
+    if isinstance(plan, Convolution):
+        return plan.force(model, u, horizon)
+    walk, reference = plan
+    gradient = None if F is None else F - jnp.eye(u.shape[1], dtype=u.dtype)
+    return streamed_force(split_model(model, len(u)), walk, reference, u, gradient, horizon)
+
+
+def _walk(fams: Families, way: str) -> Walk:
+    made = GridWalk.of if way == "slices" else SlotWalk.of
+    return remember(fams, ("walk", way), lambda: made(fams)) if is_concrete(fams) else made(fams)
+
+
+@eqx.filter_jit
+def _reference(model: PointStateModel, walk: Walk, horizon: Array, points: int, dim: int) -> Array:
+    return reference_sums(split_model(model, points), walk, dim, horizon)
+
+
+def _streamed(model: PointStateModel, fams: Families, way: str) -> tuple[Walk, Array]:
+    """The walk of a way and the sums over the reference configuration, which depend on few constants of a model."""
+    walk, points = _walk(fams, way), len(fams)
+
+    def sums(model: PointStateModel) -> Array:
+        return _reference(model, walk, fams.horizon, points, fams.dim)
+
+    known = None
+    if is_concrete(fams):
+        known = known_part(fams, "reference", lambda m: reference_moments(m, points, fams.dim), model)
+    if known is None:
+        return walk, sums(model)
+    key, there = known
+    return walk, remember(fams, ("reference sums", way, key), lambda: sums(there))
 
 
 def _plan(model: AbstractModel, fams: Families, way: str) -> Any:
@@ -124,22 +177,14 @@ def _plan(model: AbstractModel, fams: Families, way: str) -> Any:
     if way == "families" and math.prod(fams.xi.shape[:2]) < SMALL:
         return None
     check_promises(model, fams.dim)
-    if way == "fft":
-        return Convolution.of(model, fams, model.degree)
-    return _walked(model, fams, way, way == "families" and _symmetric(fams))
+    return Convolution.of(model, fams) if way == "fft" else _streamed(model, fams, way)
 
 
-@eqx.filter_jit
-def _evaluate(operator: ForceOperator, u: Array, F: Array | None) -> Float[Array, "points dim"]:
-    model, fams = operator.model, operator.families
-    if operator.plan is None:
-        return whole_force(model, fams, fams.bonds(u, F))
-    assert isinstance(model, PointStateModel)
-    gradient = None if F is None else F - jnp.eye(fams.dim, dtype=fams.dtype)
-    if isinstance(operator.plan, Convolution):
-        return operator.plan.force(model, u, fams.horizon)
-    walk, reference = operator.plan
-    return streamed_force(split_model(model, len(fams)), walk, reference, u, gradient, fams.horizon)
+def _prepared(model: AbstractModel, fams: Families, way: str, mean: bool) -> tuple[Any, str]:
+    """(plan, way), all checks made."""
+    check_model(model, fams, Families)
+    way = _choose(model, fams, way, mean)
+    return _plan(model, fams, way), way
 
 
 def force_operator(model: AbstractModel, fams: Families, way: str = "auto", mean: bool = False) -> ForceOperator:
@@ -148,9 +193,13 @@ def force_operator(model: AbstractModel, fams: Families, way: str = "auto", mean
     Arguments and errors: as `force_density`; mean: whether it will be called with a mean deformation, f(u, F).
     Example: `f = pd.force_operator(model, fams); f(u)`.
     """
-    check_model(model, fams, Families)
-    way = _choose(model, fams, way, mean)
-    return ForceOperator(model, fams, _plan(model, fams, way), way)
+    choice("way", way, WAYS)
+    key = value_key(model) if isinstance(fams, Families) and is_concrete(fams) else None
+    if key is None:
+        plan, way = _prepared(model, fams, way, mean)
+    else:
+        plan, way = remember(fams, ("force", way, mean, key), lambda: _prepared(model, fams, way, mean))
+    return ForceOperator(model, fams, plan, way)
 
 
 def force_density(model: AbstractModel, fams: Families, u, F=None, way: str = "auto") -> Float[Array, "points dim"]:

@@ -12,7 +12,7 @@ A model's constants may vary from point to point: a leaf whose first axis is as 
 """
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
@@ -20,9 +20,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ._checks import deformation_gradient, is_concrete
+from ._checks import as_array, deformation_gradient, is_concrete
 from .models.base import AbstractModel, TwoStageModel
+from .models.pointwise import each_point, split_model
 from .neighbours import EACH_BOND, Bonds, Families, Family
+from .shape_tensors import check_shape_tensors
 
 
 class Exchange(NamedTuple):
@@ -38,17 +40,6 @@ def plain_exchange(fams: Families) -> Exchange:
     return Exchange(lambda x: x[fams.neighbours], lambda x: x[fams.neighbours, fams.reverse])
 
 
-def split_model(model: AbstractModel, points: int) -> tuple[Any, Any]:
-    """(leaves that vary from point to point, everything else)."""
-    return eqx.partition(model, lambda leaf: eqx.is_array(leaf) and leaf.ndim > 0 and leaf.shape[0] == points)
-
-
-def each_point(method: str, model: AbstractModel, bonds: Bonds) -> Any:
-    """model.method(bonds) at every point, with that point's own constants."""
-    varying, shared = split_model(model, bonds.xi.shape[0])
-    return jax.vmap(lambda mine, b: getattr(eqx.combine(mine, shared), method)(b))(varying, bonds)
-
-
 _NEEDED = {
     Family: "an infinite lattice is one Family, of pd.lattice_family(dim, N)",
     Families: "a body has Families, of pd.families(body, horizon)",
@@ -59,7 +50,8 @@ def check_model(model: AbstractModel, fams: Family | Families, kind: type[Family
     """Refuse what is not of the kind a function takes, one `Family` or the `Families` of a body; and a family whose
     shape tensor the model needs and can't invert, with the point's index.
 
-    Looks at values, so of those it says nothing under a transformation; every public function calls it first.
+    Shape tensors are looked at once for each families object; a model or families that `eqx.tree_at` has changed are
+    looked at anew. Nothing is said of values that are traced.
     """
     if not isinstance(fams, kind):
         raise ValueError(f"{_NEEDED[kind]}; got {type(fams).__name__}")
@@ -70,10 +62,8 @@ def check_model(model: AbstractModel, fams: Family | Families, kind: type[Family
         raise ValueError(f"{type(model).__name__} is defined in dimension {allowed}; this family has dim {fams.dim}")
     if isinstance(fams, Family):
         _refuse_varying(model)
-    if not is_concrete(fams, model):
-        return
-    with jax.ensure_compile_time_eval():  # the values are known here even while something else is traced
-        _refuse_singular(model, fams)
+    if is_concrete(fams):
+        check_shape_tensors(model, fams)
 
 
 _ONE_NUMBER = {"c", "m", "bulk", "shear", "g", "C", "r", "lam", "mu", "factor"}
@@ -89,72 +79,37 @@ def _refuse_varying(model: AbstractModel) -> None:
             )
 
 
-@eqx.filter_jit
-def _shape_tensors(model: AbstractModel, bonds: Bonds) -> Any:
-    return each_point("shape_tensor", model, bonds)
-
-
-def _kinds(fams: Families) -> tuple[np.ndarray, Bonds]:
-    """One family of every kind that a lattice without arrays has, and a point of each."""
-    grid: Any = fams.grid
-    examples, patterns = grid.kinds
-    xi = jnp.asarray(np.array(grid.offsets).reshape(-1, fams.dim), fams.dtype) * float(fams.spacing or 1.0)
-    xi = jnp.broadcast_to(xi, (len(patterns), *xi.shape))
-    omega = grid.influence * patterns
-    volume = jnp.full(omega.shape, fams.volumes[0])
-    return examples, Bonds(xi, jnp.zeros_like(xi), omega, volume, jnp.full(len(patterns), fams.horizon))
-
-
-def _refuse_singular(model: AbstractModel, fams: Family | Families) -> None:
-    single, examples = isinstance(fams, Family), None
-    if isinstance(fams, Families) and fams.xi is None:
-        examples, bonds = _kinds(fams)
-    elif isinstance(fams, Family):
-        bonds = jax.tree.map(lambda x: x[None], fams.bonds(jnp.eye(fams.dim, dtype=fams.xi.dtype)))
-    else:
-        bonds = fams.bonds(jnp.zeros((len(fams), fams.dim), fams.xi.dtype))
-    if jax.eval_shape(lambda: each_point("shape_tensor", model, bonds)) is None:
-        return
-    tensors = np.asarray(_shape_tensors(model, bonds), dtype=float)
-    values = np.linalg.eigvalsh((tensors + tensors.mT) / 2)
-    # smallest over largest eigenvalue of an exactly singular tensor: below 4 eps by rounding (1e-16, 3e-8 in float32)
-    least = 1e-10 if bonds.xi.dtype == jnp.float64 else 1e-6
-    bad = ~(values[..., 0] > least * values[..., -1])
-    if bad.any():
-        i = int(np.flatnonzero(bad)[0]) if bad.ndim == 1 else int(np.argwhere(bad)[0, 0])
-        where = "this lattice family" if single else f"the family of point {i if examples is None else examples[i]}"
-        if bad.ndim == 2:
-            b = int(np.argwhere(bad)[0, 1])
-            reference = ", ".join(f"{x:.4g}" for x in np.asarray(bonds.xi[i, b]))
-            raise ValueError(
-                f"{type(model).__name__} needs an invertible shape tensor for every bond's own family, and that of bond"
-                f" {b}, ξ = ({reference}), of {where} is singular ({int(bad.sum())} such bonds): its members do not"
-                " span enough directions; take a larger r or horizon, or another model"
-            )
-        where += "" if single else f" ({int(bad.sum())} such points)"
-        count = int((bonds.omega[i] > 0).sum())
-        raise ValueError(
-            f"{type(model).__name__} needs an invertible shape tensor, and that of {where} is singular: its {count}"
-            " bonds do not span enough directions; take a larger horizon or another model"
-        )
-
-
 def point_field(u, fams: Families, name: str = "u") -> Array:
     """`u` as a (points, dim) array, refused where its shape is wrong or it is not finite."""
-    u = jnp.asarray(u)
+    known = is_concrete(u)
+    u = u if isinstance(u, jax.Array) else np.asarray(u) if known else jnp.asarray(u)
     if u.shape != (len(fams), fams.dim):
         raise ValueError(f"{name} must have shape (points, dim) = ({len(fams)}, {fams.dim}); got {u.shape}")
-    if is_concrete(u):
-        bad = np.flatnonzero(~np.isfinite(np.asarray(u)).all(axis=1))
-        if bad.size:
+    if known:
+        value = np.asarray(u)
+        if not np.isfinite(value).all():
+            bad = np.flatnonzero(~np.isfinite(value).all(axis=1))
             raise ValueError(f"{name} must be finite; {bad.size} points are not, the first is point {bad[0]}")
-    return u if jnp.issubdtype(u.dtype, jnp.inexact) else u.astype(fams.dtype)
+    if jnp.issubdtype(u.dtype, jnp.inexact):
+        return u if isinstance(u, jax.Array) else as_array(u, u.dtype)
+    return as_array(u, fams.dtype)
 
 
-def body_bonds(model: AbstractModel, fams: Families, u, F=None) -> Bonds:
-    """The checked bonds of a body under u on top of the mean deformation F."""
+def _mean(F, fams: Families) -> Array | None:
+    return None if F is None else deformation_gradient(F, fams.dim)
+
+
+def body_state(model: AbstractModel, fams: Families, u, F=None) -> tuple[Array, Array | None]:
+    """The checked displacement and mean deformation (or None) of a body whose bonds are needed."""
     check_model(model, fams, Families)
-    return fams.bonds(point_field(u, fams), None if F is None else deformation_gradient(F, fams.dim))
+    u, F = point_field(u, fams), _mean(F, fams)
+    fams.need_arrays()
+    return u, F
+
+
+@eqx.filter_jit
+def _family_state(model: AbstractModel, fam: Family, F: Array) -> Array:
+    return model.force_state(fam.bonds(F))
 
 
 def force_state(model: AbstractModel, fam: Family, F) -> Float[Array, "bonds dim"]:
@@ -164,7 +119,7 @@ def force_state(model: AbstractModel, fam: Family, F) -> Float[Array, "bonds dim
     Raises: ValueError for det F ≤ 0, NaN, or a family whose shape tensor the model can't invert.
     """
     check_model(model, fam, Family)
-    return model.force_state(fam.bonds(deformation_gradient(F, fam.dim)))
+    return _family_state(model, fam, deformation_gradient(F, fam.dim))
 
 
 def piola_stress(model: AbstractModel, fam: Family, F) -> Float[Array, "dim dim"]:
@@ -173,13 +128,16 @@ def piola_stress(model: AbstractModel, fam: Family, F) -> Float[Array, "dim dim"
     Arguments, errors: as `force_state`.
     """
     check_model(model, fam, Family)
-    return affine_stress(model, fam, deformation_gradient(F, fam.dim))
+    return _compiled_stress(model, fam, deformation_gradient(F, fam.dim))
 
 
 def affine_stress(model: AbstractModel, fam: Family, F: Float[Array, "dim dim"]) -> Float[Array, "dim dim"]:
     """`piola_stress` unchecked, for drivers to trace."""
     bonds = fam.bonds(F)
     return jnp.einsum("b,bi,bj->ij", bonds.volume, model.force_state(bonds), bonds.xi)
+
+
+_compiled_stress = eqx.filter_jit(affine_stress)
 
 
 def _two_stage_states(model: TwoStageModel, volumes: Array, bonds: Bonds, exchange: Exchange) -> Array:
@@ -239,22 +197,32 @@ def whole_force(model: AbstractModel, fams: Families, bonds: Bonds) -> Float[Arr
     return jnp.einsum("pb,pbi->pi", bonds.volume, T - exchange.back(T))
 
 
-def strain_energy(model: AbstractModel, fams: Families, u, F=None) -> Float[Array, ""]:
-    """Π = Σ_i V_i W_i [energy] of a body; arguments and errors as `force_density`."""
-    bonds = body_bonds(model, fams, u, F)
+@eqx.filter_jit
+def _energy(model: AbstractModel, fams: Families, u: Array, F: Array | None) -> Float[Array, ""]:
+    bonds = fams.bonds(u, F)
     if not isinstance(model, TwoStageModel):
         return jnp.dot(fams.volumes, each_point("energy", model, bonds))
     each = _by_both_ends("bond_energy", model, bonds, plain_exchange(fams))
     return jnp.dot(fams.volumes, jnp.sum(each, axis=1))
 
 
+@eqx.filter_jit
+def _each_point(method: str, model: AbstractModel, fams: Families, u: Array, F: Array | None) -> Array:
+    return each_point(method, model, fams.bonds(u, F))
+
+
+def strain_energy(model: AbstractModel, fams: Families, u, F=None) -> Float[Array, ""]:
+    """Π = Σ_i V_i W_i [energy] of a body; arguments and errors as `force_density`."""
+    return _energy(model, fams, *body_state(model, fams, u, F))
+
+
 def strain(model: AbstractModel, fams: Families, u, F=None) -> Float[Array, "points dim dim"]:
     """The model's own strain at every point [-]: Ē_m for Seth–Hill, else Green–Lagrange of F̄."""
-    return each_point("strain", model, body_bonds(model, fams, u, F))
+    return _each_point("strain", model, fams, *body_state(model, fams, u, F))
 
 
 def stress(model: AbstractModel, fams: Families, u, F=None) -> Float[Array, "points dim dim"]:
     """The model's stress at every point [pressure]: of `Correspondence`, `SethHill`, `TupekRadovitzky` the law's own,
     S = ∂Ψ/∂E for a law in E and P = ∂ψ/∂F for a law in F; of all others P = Σ V T⊗ξ of the family (with the point's
     own state at both ends of its bonds)."""
-    return each_point("stress", model, body_bonds(model, fams, u, F))
+    return _each_point("stress", model, fams, *body_state(model, fams, u, F))

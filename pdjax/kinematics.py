@@ -129,16 +129,25 @@ def direction_mandel(xi: Float[Array, "... dim"]) -> Float[Array, "... p"]:
     return to_mandel(xi[..., :, None] * xi[..., None, :]) / jnp.sum(xi * xi, axis=-1)[..., None]
 
 
-def shape_tensor_K(bonds: Bonds) -> Float[Array, "dim dim"]:
-    """K = Σ w ξ⊗ξ [length^(dim+2)]."""
+def shape_tensor_K(bonds: Bonds) -> Float[Any, "*points dim dim"]:
+    """K = Σ w ξ⊗ξ [length^(dim+2)] of one family, or of many along leading axes; of NumPy arrays a NumPy array."""
     w = bonds.omega * bonds.volume
-    return jnp.einsum("b,bi,bj->ij", w, bonds.xi, bonds.xi)
+    if isinstance(bonds.xi, np.ndarray):
+        return (w[..., None] * bonds.xi).mT @ bonds.xi
+    return jnp.einsum("...b,...bi,...bj->...ij", w, bonds.xi, bonds.xi)
 
 
-def shape_tensor_L(bonds: Bonds) -> Float[Array, "p p"]:
-    """L = Σ w n⊗n⊗n⊗n as a Mandel matrix [length^dim]."""
-    v = direction_mandel(bonds.xi)
-    return jnp.einsum("b,bp,bq->pq", bonds.omega * bonds.volume, v, v)
+def shape_tensor_L(bonds: Bonds) -> Float[Any, "*points p p"]:
+    """L = Σ w n⊗n⊗n⊗n as a Mandel matrix [length^dim] of one family or of many, as for `shape_tensor_K`."""
+    w, xi = bonds.omega * bonds.volume, bonds.xi
+    if isinstance(xi, np.ndarray):
+        i, j = np.nonzero(mandel_basis(xi.shape[-1]))[1:]
+        first = i <= j  # a product of two different components stands twice in its basis tensor
+        i, j = i[first], j[first]
+        v = xi[..., i] * xi[..., j] * (np.where(i == j, 1.0, np.sqrt(2)) / np.sum(xi * xi, axis=-1)[..., None])
+        return (w[..., None] * v).mT @ v
+    v = direction_mandel(xi)
+    return jnp.einsum("...b,...bp,...bq->...pq", w, v, v)
 
 
 def solve_positive(A: Float[Array, "n n"], b: Array) -> Array:

@@ -280,6 +280,8 @@ def scene(
 
 
 def still(scene: Any) -> Any:
-    """The scene with no derivative flowing through it."""
+    """The scene with no derivative flowing through it: itself, with all that its families remember, if all is known."""
+    if is_concrete(scene):
+        return scene
     frozen = jax.lax.stop_gradient(eqx.filter(scene, eqx.is_array))
     return eqx.combine(frozen, eqx.filter(scene, eqx.is_array, inverse=True))

@@ -7,23 +7,27 @@ V J is symmetric for hyperelastic models; J itself only for equal volumes.
 
 import equinox as eqx
 import jax
-import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ._checks import choice
 from .assembly import sparse_jacobian
 from .coloring import coloured_jacobian
-from .evaluate import force_density
-from .force import body_bonds, check_model, point_field
+from .evaluate import ForceOperator, force_operator
+from .force import body_state, point_field
 from .models.base import AbstractModel
 from .neighbours import Families
 
 
+@eqx.filter_jit
+def _along(operator: ForceOperator, u: Array, v: Array, F: Array | None) -> Array:
+    return jax.jvp(lambda w: operator(w, F), (u,), (v,))[1]
+
+
 def jvp(model: AbstractModel, fams: Families, u, v, F=None) -> Float[Array, "points dim"]:
     """J v, the directional derivative of the force density at u along v (points, dim) [length]."""
-    check_model(model, fams, Families)
+    operator = force_operator(model, fams, mean=F is not None)
     u, v = (point_field(x, fams, name).astype(fams.dtype) for x, name in ((u, "u"), (v, "v")))
-    return jax.jvp(lambda w: force_density(model, fams, w, F), (u,), (v,))[1]
+    return _along(operator, u, v, F)
 
 
 def jacobian(model: AbstractModel, fams: Families, u, form: str = "sparse", F=None):
@@ -37,13 +41,12 @@ def jacobian(model: AbstractModel, fams: Families, u, form: str = "sparse", F=No
     choice("form", form, ("sparse", "dense", "coloured"))
     if form == "coloured":
         return coloured_jacobian(model, fams, u, F)
-    bonds = body_bonds(model, fams, u, F)
+    u, F = body_state(model, fams, u, F)
     if form == "sparse":
-        return sparse_jacobian(model, fams, bonds)
-    return _dense(model, fams, jnp.asarray(u, dtype=fams.xi.dtype), F)
+        return sparse_jacobian(model, fams, u, F)
+    return _dense(force_operator(model, fams, mean=F is not None), u.astype(fams.dtype), F)
 
 
 @eqx.filter_jit
-def _dense(model, fams, u, F):
-    n = u.size
-    return jax.jacfwd(lambda w: force_density(model, fams, w, F))(u).reshape(n, n)
+def _dense(operator: ForceOperator, u: Array, F: Array | None) -> Array:
+    return jax.jacfwd(lambda w: operator(w, F))(u).reshape(u.size, u.size)

@@ -48,12 +48,13 @@ def few_memory_maps():
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items):
-    """What long.txt lists is long."""
-    lines = (Path(__file__).parent / "long.txt").read_text(encoding="utf-8").splitlines()
-    listed = {line for line in lines if line and not line.startswith("#")}
-    for item in items:
-        if item.nodeid in listed:
-            item.add_marker(pytest.mark.long)
+    """Mark what long.txt and smoke.txt list: ids, or functions, which stand for all their cases."""
+    for mark in ("long", "smoke"):
+        lines = (Path(__file__).parent / f"{mark}.txt").read_text(encoding="utf-8").splitlines()
+        listed = {line for line in lines if line and not line.startswith("#")}
+        for item in items:
+            if item.nodeid in listed or item.nodeid.partition("[")[0] in listed:
+                item.add_marker(mark)
 
 
 @pytest.fixture(scope="session")

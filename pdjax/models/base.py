@@ -19,8 +19,14 @@ A_there, bond) -> φ`, W_i = Σ_j φ(A_i, A_j, bond). The second stage, also a s
 so that f = Σ_j (T_ij − T_ji) V_j is the exact gradient of Σ V_i W_i; it reaches three rings of neighbours.
 
 A model declares its promises as class attributes; the tests, the sparsity and the choice of method read them.
+
+A user may call a method of a model with known values, outside any program. JAX would then compile every operation by
+itself, a hundred programs for one number, so `one_program` compiles the method as a whole.
 """
 
+import functools
+import inspect
+from collections.abc import Callable
 from typing import Any, ClassVar, NamedTuple
 
 import equinox as eqx
@@ -28,7 +34,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .._checks import floats_to_arrays
+from .._checks import floats_to_arrays, inside_jit, is_concrete
 from ..kinematics import displacement_gradient
 from ..neighbours import EACH_BOND, Bonds
 
@@ -54,6 +60,21 @@ class Sums(NamedTuple):
     deformed: Any
     horizon: Array
     dim: int
+
+
+WHOLE = ("energy", "force_state", "point_state", "strain", "stress", "local_energy")  # methods that are one program
+
+
+def one_program(method: Callable) -> Callable:
+    """A method of a model as one compiled program where all values are known; the plain function inside a program."""
+    compiled = eqx.filter_jit(method)
+
+    @functools.wraps(method)
+    def called(self, *args):
+        plain = not is_concrete(self, args) or inside_jit()
+        return method(self, *args) if plain else compiled(self, *args)
+
+    return called
 
 
 class AbstractModel(eqx.Module):
@@ -86,6 +107,12 @@ class AbstractModel(eqx.Module):
     degree: ClassVar[int] = 0
     dims: ClassVar[tuple[int, ...]] = (1, 2, 3)
 
+    def __init_subclass__(cls, **kwargs):
+        super().__init_subclass__(**kwargs)
+        for name in WHOLE:
+            if inspect.isfunction(cls.__dict__.get(name)):
+                setattr(cls, name, one_program(cls.__dict__[name]))
+
     def __check_init__(self):
         floats_to_arrays(self)
 
@@ -94,6 +121,7 @@ class AbstractModel(eqx.Module):
         """Promise: no direction of the material is preferred (the lattice's own apart). False unless known."""
         return False
 
+    @one_program
     def energy(self, bonds: Bonds) -> Float[Array, ""]:
         """W [energy/length^dim], the energy density of one family: one number.
 
@@ -103,6 +131,7 @@ class AbstractModel(eqx.Module):
         other = "" if type(self).force_state is not AbstractModel.force_state else ", and no force_state(bonds) either"
         raise NotImplementedError(f"{type(self).__name__} defines no energy(bonds){other}")
 
+    @one_program
     def force_state(self, bonds: Bonds) -> Float[Array, "bonds dim"]:
         """T [force/length^(2 dim)] on every bond of the family: (1/V) ∂W/∂η."""
 
@@ -122,15 +151,18 @@ class AbstractModel(eqx.Module):
         sub-families; None if there is none."""
         return None
 
+    @one_program
     def local_energy(self, F: Float[Array, "dim dim"]) -> Float[Array, ""]:
         """The classical energy density this model stands for, ψ(F); models without one refuse."""
         raise ValueError(f"{type(self).__name__} has no classical law behind it: criterion 'local' does not apply")
 
+    @one_program
     def strain(self, bonds: Bonds) -> Float[Array, "dim dim"]:
         """Green–Lagrange strain of F̄ [-], unless the model has its own measure."""
         H = displacement_gradient(bonds)
         return (H + H.T + H.T @ H) / 2
 
+    @one_program
     def stress(self, bonds: Bonds) -> Float[Array, "dim dim"]:
         """Σ V T⊗ξ [pressure], the first Piola–Kirchhoff stress, unless the model has its law's own stress."""
         return jnp.einsum("b,bi,bj->ij", bonds.volume, self.force_state(bonds), bonds.xi)

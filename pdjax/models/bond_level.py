@@ -50,8 +50,7 @@ class GradientModel(AbstractModel):
         """ψ(F)."""
         return energy_of_gradient(self.law, F - jnp.eye(F.shape[0], dtype=F.dtype))
 
-    def shape_tensor(self, bonds: Bonds) -> Float[Array, "*sub n n"]:
-        return shape_tensor_K(bonds)
+    shape_tensor = staticmethod(shape_tensor_K)
 
 
 class BondLevel(GradientModel, PointStateModel):

@@ -53,8 +53,7 @@ class Correspondence(WithLaw):
     def law_force(self, here: Float[Array, "dim dim"], bond: Bonds) -> Float[Array, " dim"]:
         return bond.omega * (here @ bond.xi)
 
-    def shape_tensor(self, bonds: Bonds) -> Float[Array, "dim dim"]:
-        return shape_tensor_K(bonds)
+    shape_tensor = staticmethod(shape_tensor_K)
 
     def local_energy(self, F: Float[Array, "dim dim"]) -> Float[Array, ""]:
         """ψ(F)."""

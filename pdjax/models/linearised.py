@@ -7,6 +7,7 @@ the force being linear in the point state (`additive`). All sums are linear in Î
 applies, convolutions included: J v of a lattice body about x = F X, surfaces and all, costs the same for every horizon.
 """
 
+from collections.abc import Callable
 from typing import Any, ClassVar
 
 import jax
@@ -50,8 +51,9 @@ class Linearised(PointStateModel):
     def isotropic(self) -> bool:
         return False
 
-    def shape_tensor(self, bonds: Bonds):
-        return self.base.shape_tensor(bonds)
+    @property
+    def shape_tensor(self) -> Callable:  # type: ignore[override]
+        return self.base.shape_tensor
 
     def _at_rest(self, bond: Bonds) -> Bonds:
         """The bond as the homogeneous deformation has it."""

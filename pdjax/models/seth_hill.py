@@ -84,8 +84,7 @@ class BondStrainModel(WithLaw):
         scale = bond.omega / jnp.sum(bond.xi * bond.xi, axis=-1)
         return scale * (direction_mandel(bond.xi) @ here) * growth * (bond.xi + bond.eta)
 
-    def shape_tensor(self, bonds: Bonds) -> Float[Array, "p p"]:
-        return shape_tensor_L(bonds)
+    shape_tensor = staticmethod(shape_tensor_L)
 
     def local_energy(self, F: Float[Array, "dim dim"]) -> Float[Array, ""]:
         """Ψ(E_m(F)) with the classical Seth–Hill strain of F."""

@@ -12,7 +12,7 @@ Operations that only move entries are replayed on an array of indices. What is n
 
 import functools
 import itertools
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import jax
@@ -49,6 +49,32 @@ _REDUCTIONS: dict[str, Any] = {
     "reduce_min": jnp.minimum,
     "reduce_and": jnp.logical_and,
     "reduce_or": jnp.logical_or,
+}
+_ON_HOST: dict[str, Callable] = {
+    "add": np.add,
+    "add_any": np.add,
+    "sub": np.subtract,
+    "mul": np.multiply,
+    "div": np.divide,
+    "neg": np.negative,
+    "abs": np.abs,
+    "max": np.maximum,
+    "min": np.minimum,
+    "sqrt": np.sqrt,
+    "square": np.square,
+    "integer_pow": lambda x, y: x**y,
+    "eq": np.equal,
+    "ne": np.not_equal,
+    "lt": np.less,
+    "le": np.less_equal,
+    "gt": np.greater,
+    "ge": np.greater_equal,
+    "and": np.bitwise_and,
+    "or": np.bitwise_or,
+    "not": np.invert,
+    "select_n": lambda which, *cases: cases[int(which)],
+    "convert_element_type": lambda x, new_dtype, **_: np.asarray(x).astype(new_dtype),
+    "stop_gradient": lambda x: x,
 }
 _INLINED = {"jit", "pjit", "closed_call", "core_call", "custom_lin"}
 
@@ -97,7 +123,10 @@ def _simplified(name: str, a: Any, b: Any) -> Any:
 def _bind(primitive: Any, params: dict, entries: list) -> Any:
     """One elementwise primitive on entries: constants on the host, everything else with points where any has them."""
     if all(_known(e) for e in entries):
-        with jax.ensure_compile_time_eval():
+        if primitive.name in _ON_HOST and (primitive.name != "div" or np.asarray(entries[0]).dtype.kind in "fc"):
+            with np.errstate(all="ignore"):
+                return np.asarray(_ON_HOST[primitive.name](*map(np.asarray, entries), **params))[()]
+        with jax.ensure_compile_time_eval():  # seldom: each is a program of its own
             return np.asarray(primitive.bind(*map(jnp.asarray, entries), **params))[()]
     entries = [jnp.asarray(e) for e in entries]
     shape = jnp.broadcast_shapes(*(e.shape for e in entries))
@@ -122,13 +151,55 @@ def _indices(shape: tuple[int, ...], start: int = 0) -> np.ndarray:
     return np.arange(start, start + int(np.prod(shape)), dtype=np.int32).reshape(shape)
 
 
+def _padded(x: np.ndarray, value: np.ndarray, padding_config: Any) -> np.ndarray:
+    """`jax.lax.pad`: (before, behind, between) entries of `value` along every axis; negative ones are cut off."""
+    for axis, (before, behind, between) in enumerate(padding_config):
+        count = x.shape[axis]
+        shape = list(x.shape)
+        first, length = max(before, 0), count + max(count - 1, 0) * between
+        shape[axis] = first + length + max(behind, 0)
+        out = np.full(shape, value)
+        at: list[Any] = [slice(None)] * x.ndim
+        at[axis] = slice(first, first + length, between + 1)
+        out[tuple(at)] = x
+        at[axis] = slice(max(-before, 0), shape[axis] - max(-behind, 0))
+        x = out[tuple(at)]
+    return x
+
+
+def _spread(x: np.ndarray, shape: Sequence, broadcast_dimensions: Sequence) -> np.ndarray:
+    """`jax.lax.broadcast_in_dim`."""
+    axes = [x.shape[broadcast_dimensions.index(k)] if k in broadcast_dimensions else 1 for k in range(len(shape))]
+    return np.broadcast_to(x.reshape(axes), shape)
+
+
+_MOVED_ON_HOST: dict[str, Callable] = {
+    "broadcast_in_dim": lambda x, shape, broadcast_dimensions, **_: _spread(x, shape, broadcast_dimensions),
+    "reshape": lambda x, new_sizes, **_: x.reshape(new_sizes),
+    "slice": lambda x, start_indices, limit_indices, strides: x[
+        tuple(map(slice, start_indices, limit_indices, strides or [1] * x.ndim))
+    ],
+    "squeeze": lambda x, dimensions: np.squeeze(x, tuple(dimensions)),
+    "transpose": lambda x, permutation: x.transpose(permutation),
+    "rev": lambda x, dimensions: np.flip(x, tuple(dimensions)),
+    "copy": lambda x: x,
+    "concatenate": lambda *xs, dimension: np.concatenate(xs, dimension),
+    "stack": lambda *xs, axis: np.stack(xs, axis),
+    "split": lambda x, sizes, axis: np.split(x, np.cumsum(sizes)[:-1], axis),
+    "pad": _padded,
+}
+
+
 def _moved(eqn: Any, operands: list[Components]) -> list[Components]:
     """Replay an operation that only moves entries on an array of their numbers."""
     flat = np.concatenate([x.reshape(-1) for x in operands])
     starts = np.cumsum([0, *(x.size for x in operands[:-1])])
     numbers = [_indices(x.shape, int(s)) for x, s in zip(operands, starts, strict=True)]
-    with jax.ensure_compile_time_eval():
-        out = eqn.primitive.bind(*map(jnp.asarray, numbers), **eqn.params)
+    if eqn.primitive.name in _MOVED_ON_HOST:
+        out = _MOVED_ON_HOST[eqn.primitive.name](*numbers, **eqn.params)
+    else:
+        with jax.ensure_compile_time_eval():  # seldom: each is a program of its own
+            out = eqn.primitive.bind(*map(jnp.asarray, numbers), **eqn.params)
     results = out if eqn.primitive.multiple_results else [out]
     return [flat[np.asarray(r).reshape(-1)].reshape(r.shape) for r in results]
 
@@ -257,8 +328,8 @@ def _step(eqn: Any, operands: list[Components], costs: _Costs) -> list[Component
         inner = eqn.params["jaxpr"]
         return _run(inner.jaxpr, inner.consts, operands, costs)
     if name == "iota":
-        with jax.ensure_compile_time_eval():
-            return [split(np.asarray(eqn.primitive.bind(**eqn.params)), False)]
+        shape, dtype = eqn.outvars[0].aval.shape, eqn.outvars[0].aval.dtype
+        return [split(_spread(np.arange(shape[axis := eqn.params["dimension"]], dtype=dtype), shape, (axis,)), False)]
     out = _batched(eqn, operands)
     for entry in (e for x in out for e in x.reshape(-1)):
         costs.note(entry, [e for x in operands for e in x.reshape(-1)], 2 * DEAR)

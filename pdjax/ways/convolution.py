@@ -14,6 +14,7 @@ Silling's model takes 12 transforms forth and 12 back in 3D, whatever the horizo
 """
 
 import math
+import os
 from collections.abc import Iterable
 from typing import Any, NamedTuple
 
@@ -24,8 +25,11 @@ import numpy as np
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Complex, Float
 
+from .._checks import is_concrete, namespace, on_device, on_host
+from .._dependence import known_part
+from .._memory import remember
 from ..models.base import PointStateModel, Sums
-from ..neighbours import EACH_BOND, Bonds, Families, Grid
+from ..neighbours import EACH_BOND, Bonds, Families
 from .stream import state_rows
 from .walks import from_cells, to_cells
 
@@ -77,17 +81,50 @@ def _powers(indices: tuple[int, ...]) -> list[tuple[Monomial, Monomial, float]]:
     return out
 
 
-def _rows(function: Any, degree: int, bonds: Bonds) -> list[np.ndarray]:
-    """Taylor coefficients of function(bond) in η at 0, order by order: (offsets, entries, dim, …)."""
-    coefficients = []
-    for order in range(degree + 1):
-        table = jax.jit(jax.vmap(function, (EACH_BOND,)))(bonds)
-        coefficients.append(np.asarray(table) / math.factorial(order))
+def _derivatives(function: Any, degree: int, bonds: Bonds) -> list[Array]:
+    """Derivatives of function(bond) in η at 0 of orders 0 to degree: (offsets, entries, dim, …)."""
+    out = []
+    for _ in range(degree + 1):
+        out.append(jax.vmap(function, (EACH_BOND,))(bonds))
 
         def function(bond, of=function):
             return jax.jacfwd(lambda eta: of(bond._replace(eta=eta)))(bond.eta)
 
-    return coefficients
+    return out
+
+
+class Tables(NamedTuple):
+    """What a bond of every offset does, per unit of ω V: its reference moments (offsets, entries), and the derivatives
+    in η at 0 of its moments and of its force by each entry of the point state, order by order."""
+
+    reference: Any
+    moments: list
+    forces: list
+
+
+def _tables(model: PointStateModel, stencil: tuple[tuple[tuple[int, ...], ...], int, float, float], degree: int):
+    """`Tables` of a model on a stencil (offsets, dim, spacing, horizon)."""
+    offsets, dim, spacing, horizon = stencil
+    xi = jnp.asarray(np.array(offsets, dtype=float).reshape(-1, dim) * spacing)
+    ones = jnp.ones(len(xi), xi.dtype)
+    bonds = Bonds(xi, jnp.zeros_like(xi), ones, ones, jnp.asarray(horizon, xi.dtype))
+    one = jax.tree.map(lambda x: x[0] if x.ndim else x, bonds)
+    shaped = jax.eval_shape(lambda b: model.state(Sums(*model.moments(b), b.horizon, dim)), one)
+    zero, unravel = ravel_pytree(jax.tree.map(lambda x: jnp.zeros(x.shape, xi.dtype), shaped))
+
+    def force(bond):
+        if not zero.size:  # both ends of a bond pull with the same t
+            return 2 * model.bond_force(unravel(zero), unravel(zero), bond)[:, None]
+        return jax.jacfwd(lambda a: model.bond_force(unravel(a), unravel(a), bond))(zero)
+
+    def flat(bond, which):
+        return ravel_pytree(model.moments(bond)[which])[0]
+
+    reference = jax.vmap(lambda b: flat(b, 0), (EACH_BOND,))(bonds)
+    return Tables(reference, _derivatives(lambda b: flat(b, 1), degree, bonds), _derivatives(force, 1, bonds)), zero
+
+
+_compiled_tables = eqx.filter_jit(_tables)
 
 
 class Plan(NamedTuple):
@@ -114,45 +151,36 @@ def _fields(terms: tuple[Term, ...]) -> tuple[list[Monomial], dict[tuple[int, Mo
     return list(dict.fromkeys(t.there for t in terms if t.there)), {key: tuple(s) for key, s in sums.items()}
 
 
-def make_plan(
-    model: PointStateModel, grid: Grid, spacing: float, horizon: float, degree: int
-) -> tuple[Plan, np.ndarray]:
-    """The terms of a model on a stencil, and the rows of its kernels, all per unit of ω V; concrete."""
-    dim = len(grid.cells)
-    xi = jnp.asarray(np.array(grid.offsets, dtype=float).reshape(-1, dim) * spacing)
-    ones = jnp.ones(len(xi), xi.dtype)
-    bonds = Bonds(xi, jnp.zeros_like(xi), ones, ones, jnp.asarray(horizon, xi.dtype))
+def _planned(tables: Tables, entries: int) -> tuple[Plan, np.ndarray]:
+    """The terms of a model from its tables, and the rows of its kernels, per unit of ω V."""
     kernels = Kernels()
-
-    def moments(bond):
-        return ravel_pytree(model.moments(bond)[1])[0]
-
-    reference, deformed = model.moments(jax.tree.map(lambda x: x[0] if x.ndim else x, bonds))
-    size = sum(np.size(x) for x in jax.tree.leaves(deformed))
-    shaped = jax.eval_shape(lambda a, b: model.state(Sums(a, b, bonds.horizon, dim)), reference, deformed)
-    entries = sum(math.prod(x.shape) for x in jax.tree.leaves(shaped))
-    template = jax.tree.map(lambda x: jnp.zeros(x.shape, xi.dtype), shaped)
-    unravel = ravel_pytree(template)[1]
-
-    def force(bond):
-        zero = jnp.zeros(entries, xi.dtype)
-        if not entries:  # both ends of a bond pull with the same t
-            return 2 * model.bond_force(unravel(zero), unravel(zero), bond)[:, None]
-        return jax.jacfwd(lambda a: model.bond_force(unravel(a), unravel(a), bond))(zero)
-
     first, second = [], []
-    for table in _rows(moments, degree, bonds):
+    for table in (np.asarray(x) / math.factorial(order) for order, x in enumerate(tables.moments)):
         floor = 1e-13 * np.abs(table).max(initial=0.0)
         for at in np.ndindex(*table.shape[1:]):
             first += _terms(kernels, at[0], table[(slice(None), *at)], _powers(at[1:]), floor)
-    for table in _rows(force, 1, bonds):
+    for table in map(np.asarray, tables.forces):
         floor = 1e-13 * np.abs(table).max(initial=0.0)
         for at in np.ndindex(*table.shape[1:]):
             k, q = at[:2]
             ends = (((-1 - q,), ()), ((), (-1 - q,))) if entries else (((), ()),)
             pairs = [((*p, *x), (*r, *y), s) for p, r, s in _powers(at[2:]) for x, y in ends]
             second += _terms(kernels, k, table[(slice(None), *at)], pairs, floor)
-    return Plan(tuple(first), tuple(second), size, entries), np.array(kernels.rows).reshape(-1, len(xi))
+    size = tables.moments[0].shape[1]
+    return Plan(tuple(first), tuple(second), size, entries), np.array(kernels.rows).reshape(-1, len(tables.reference))
+
+
+def _known(model: PointStateModel, fams: Families) -> tuple[Any, PointStateModel, tuple, int] | None:
+    grid: Any = fams.grid
+    stencil = (grid.offsets, fams.dim, float(fams.spacing or 1.0), grid.horizon)
+    degree = model.degree
+    known = known_part(fams, ("tables", degree), lambda m: _tables(m, stencil, degree), model)
+    return None if known is None else (*known, stencil, degree)
+
+
+def has_kernels(model: PointStateModel, fams: Families) -> bool:
+    """Whether all constants that the kernels depend on are known."""
+    return _known(model, fams) is not None
 
 
 class Convolution(eqx.Module):
@@ -168,12 +196,20 @@ class Convolution(eqx.Module):
     box: tuple[int, ...] = eqx.field(static=True)
 
     @staticmethod
-    def of(model: PointStateModel, fams: Families, degree: int) -> "Convolution":
-        """Plan on the host, then transform; the plan needs moments and bond force free of traced constants."""
-        grid: Any = fams.grid
-        with jax.ensure_compile_time_eval():
-            plan, rows = make_plan(model, grid, float(fams.spacing or 1.0), grid.horizon, degree)
-        return _transformed(model, fams, plan, rows)
+    def of(model: PointStateModel, fams: Families) -> "Convolution":
+        """Made on the host where the families are known. Call only if `has_kernels`."""
+        known = _known(model, fams)
+        assert known is not None
+        key, there, stencil, degree = known
+
+        def planned() -> tuple[Plan, np.ndarray, np.ndarray]:
+            tables, state = _compiled_tables(there, stencil, degree)
+            return (*_planned(tables, state.size), np.asarray(tables.reference))
+
+        plan, rows, reference = remember(fams, ("kernels", key), planned)
+        if not is_concrete(fams):
+            return _transformed(fams, plan, rows, reference)
+        return remember(fams, ("convolution", key), lambda: _transformed(fams, plan, rows, reference))
 
     def _forth(self, x: Array) -> Array:
         return jnp.fft.rfftn(x, s=self.box, axes=tuple(range(1, x.ndim)))
@@ -221,33 +257,51 @@ class Convolution(eqx.Module):
         return from_cells(jnp.stack(self._sum(self.plan.forces, dim, U, state)) * self.filled, self.sites)
 
 
-@eqx.filter_jit
-def _transformed(model: PointStateModel, fams: Families, plan: Plan, rows: Any) -> Convolution:
-    from scipy.fft import next_fast_len  # late: a sixth of what importing pdjax would take
+def _distinct(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Rows but for multiples of each other: (the distinct rows, number and factor of every row)."""
+    kernels = Kernels()
+    found = [kernels.number(row) if row.any() else (0, 0.0) for row in rows]
+    numbers, scales = np.array([n for n, _ in found], int), np.array([s for _, s in found])
+    return np.array(kernels.rows).reshape(-1, rows.shape[1]), numbers, scales
 
-    grid: Any = fams.grid
-    offsets = np.array(grid.offsets).reshape(-1, fams.dim)
+
+def _transformed(fams: Families, plan: Plan, rows: np.ndarray, reference: np.ndarray) -> Convolution:
+    """The transforms, by SciPy where the families are known and by JAX where they are traced."""
+    import scipy.fft  # late: a sixth of what importing pdjax would take
+
+    xp: Any = namespace(fams)
+    fft: Any = scipy.fft if xp is np else jnp.fft
+    grid: Any = on_host(fams.grid)
+    real, dim = fams.dtype, fams.dim
+    offsets = np.array(grid.offsets).reshape(-1, dim)
     reach = np.abs(offsets).max(axis=0, initial=0)
     box = tuple(
-        n if wraps else next_fast_len(int(n + r), real=True)
+        n if wraps else scipy.fft.next_fast_len(int(n + r), real=True)
         for n, r, wraps in zip(grid.cells, reach, grid.periodic, strict=True)
     )
-    real, spacing = fams.dtype, float(fams.spacing or 1.0)
-    volume = jnp.full(len(offsets), spacing**fams.dim, real)
+    axes, weight = tuple(range(1, dim + 1)), grid.influence * float(fams.spacing or 1.0) ** dim
 
-    def transforms(rows: Array) -> Array:
+    def transforms(rows: np.ndarray) -> Any:
         """Of kernels (kernels, offsets), mirrored: a correlation is a product."""
-        kernels = jnp.zeros((len(rows), *box), real)
-        kernels = kernels.at[(slice(None), *np.mod(-offsets, box).T)].set(rows)
-        return jnp.fft.rfftn(kernels, axes=tuple(range(1, fams.dim + 1)))
+        kernels, at = xp.zeros((len(rows), *box), real), (slice(None), *np.mod(-offsets, box).T)
+        if xp is np:
+            kernels[at] = rows * weight
+        else:
+            kernels = kernels.at[at].set(jnp.asarray(rows, real) * weight)
+        return fft.rfftn(kernels, axes=axes)
 
-    spectra = transforms(jnp.asarray(rows, real) * grid.influence * volume)
-    filled = to_cells(jnp.ones((len(fams), 1), real), grid.cells, grid.sites)[0]
-    made = Convolution(spectra, filled, filled, filled, grid.sites, plan, grid.cells, box)
-    body = jnp.fft.rfftn(filled, s=box)
-    xi = jnp.asarray(offsets * spacing, real)
-    bonds = Bonds(xi, jnp.zeros_like(xi), grid.influence, volume, fams.horizon)
-    each = jax.vmap(lambda b: ravel_pytree(model.moments(b)[0])[0], (EACH_BOND,))(bonds)
-    full = each.sum(axis=0).reshape(-1, *[1] * fams.dim)  # what a full family has, where there is no point
-    reference = jnp.where(filled > 0, made._back(transforms(each.T) * body), full)
-    return eqx.tree_at(lambda c: (c.still, c.reference), made, (made._back(spectra * body), reference))
+    def back(spectra: Any) -> Any:
+        return fft.irfftn(spectra, s=box, axes=axes)[(slice(None), *(slice(0, n) for n in grid.cells))]
+
+    filled = to_cells(xp.ones((len(fams), 1), real), grid.cells, grid.sites)[0]
+    with scipy.fft.set_workers(os.cpu_count() or 1):
+        spectra, body = transforms(rows), fft.rfftn(filled, s=box)
+        still = back(spectra * body)
+        distinct, number, scale = _distinct(reference.T)
+        summed = back(transforms(distinct) * body)
+    column = (slice(None), *(None,) * dim)
+    full = (reference.T * weight).sum(axis=1)[column]  # what a full family has, where there is no point
+    sums = summed[number] * scale.astype(real)[column] if len(number) else xp.zeros((0, *grid.cells), real)
+    sums = xp.where(filled > 0, sums, full).astype(real)
+    spectra, still, filled, sums, sites = on_device((spectra, still, filled, sums, grid.sites))
+    return Convolution(spectra, still, filled, sums, sites, plan, grid.cells, box)

@@ -91,7 +91,7 @@ def check_promises(model: PointStateModel, dim: int) -> None:
     key = (structure, dim, tuple(np.asarray(x).tobytes() for x in leaves))
     if key in _KNOWN:
         return
-    with jax.ensure_compile_time_eval():
+    with jax.core.eval_context():  # the values are known even while something else is traced
         for promise, off in _deviations(model, dim).items():
             if float(off) > 1e-3 * float(jnp.finfo(jnp.result_type(float)).eps) ** 0.25:
                 instead = 0 if promise == "degree" else False

@@ -19,6 +19,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..models.base import PointStateModel, Sums
+from ..models.pointwise import split_model
 from ..neighbours import Bonds
 from .components import by_components, join
 from .walks import GridWalk, Slot, Walk
@@ -175,6 +176,13 @@ def _sum_moments(varying: _Varying, walk: Walk, which: int, u: Array, gradient, 
     flat = walk.volumes.shape[0]
     total = _over_slots(walk, body, [jnp.zeros(flat, dtype)] * count, pairs) if count else []
     return jnp.stack(total) if count else jnp.zeros((0, flat), dtype)
+
+
+def reference_moments(model: PointStateModel, points: int, dim: int) -> Any:
+    """What one bond adds to `reference_sums`, for the constants that it depends on to be found."""
+    varying, shared = split_model(model, points)
+    first = eqx.combine(jax.tree.map(lambda x: x[0], varying), shared)
+    return first.moments(Bonds(jnp.ones(dim), jnp.zeros(dim), *map(jnp.ones, ((), (), ()))))[0]
 
 
 def reference_sums(split: tuple[Any, Any], walk: Walk, dim: int, horizon: Array) -> Float[Array, "entries flat"]:

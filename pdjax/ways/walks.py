@@ -19,15 +19,19 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
+from .._checks import namespace, on_device, on_host
 from ..neighbours import Families, Grid
 
 UNROLLED = (9, 8, 7, 6, 10)  # slots in one step of the loop, where bonds cost so little that sums are what is paid for
 
 
-def to_cells(x: Array, cells: tuple[int, ...], sites: Array | None) -> Array:
-    """(points, components) → (components, *cells); 0 where there is no point."""
+def to_cells(x: Any, cells: tuple[int, ...], sites: Any) -> Any:
+    """(points, components) → (components, *cells); 0 where there is no point. Of NumPy arrays a NumPy array."""
     x = x.T
-    if sites is not None:
+    if sites is not None and isinstance(x, np.ndarray):
+        points, x = x, np.zeros((x.shape[0], math.prod(cells)), x.dtype)
+        x[:, np.asarray(sites)] = points
+    elif sites is not None:
         x = jnp.zeros((x.shape[0], math.prod(cells)), x.dtype).at[:, sites].set(x)
     return x.reshape(x.shape[0], *cells)
 
@@ -64,19 +68,15 @@ class SlotWalk(eqx.Module):
     one: Float[Array, ""]  # 1, not known to the compiler
 
     @staticmethod
-    def of(fams: Families, symmetric: bool) -> "SlotWalk":
-        """`symmetric`: ω_ij = ω_ji of every bond."""
+    def of(fams: Families) -> "SlotWalk":
+        """By NumPy where the families are known; `back` is None if it is known that ω_ij = ω_ji of every bond."""
+        xp, fams = namespace(fams), on_host(fams)
         omega = fams.influence * fams.weight
-        back = None if symmetric else omega[fams.neighbours, fams.reverse]
-
-        return SlotWalk(
-            fams.neighbours.T,
-            jnp.moveaxis(fams.xi, (2, 1), (0, 1)),
-            omega.T,
-            None if back is None else back.T,
-            fams.volumes,
-            jnp.ones((), fams.dtype),
-        )
+        back = omega[fams.neighbours, fams.reverse]
+        symmetric = bool((omega == back).all()) if xp is np else fams.grid is not None
+        turned = (fams.neighbours.T, xp.moveaxis(fams.xi, (2, 1), (0, 1)), omega.T, None if symmetric else back.T)
+        turned = jax.tree.map(np.ascontiguousarray, turned) if xp is np else turned
+        return SlotWalk(*on_device((*turned, fams.volumes, np.ones((), fams.dtype))))
 
     filled = None
     embed = staticmethod(lambda x: x.T)  # (points, components) → (components, flat)
@@ -133,15 +133,15 @@ class GridWalk(eqx.Module):
         padded = [n + b + e for n, b, e in zip(grid.cells, before, behind, strict=True)]
         stride = np.append(np.cumprod(padded[:0:-1])[::-1], 1)
         real = fams.dtype
-        spacing = jnp.asarray(fams.spacing, real)
+        spacing = np.asarray(fams.spacing, real)
         walk = GridWalk(
-            jnp.asarray(offsets @ stride, dtype=jnp.int32),
-            jnp.asarray(offsets, real) * spacing,
-            grid.influence,
-            jnp.zeros(0, real),
+            on_device((offsets @ stride).astype(np.int32)),
+            on_device(offsets.astype(real) * spacing),
+            on_device(grid.influence),
+            on_device(np.zeros(0, real)),
             grid.sites,
-            spacing**fams.dim,
-            jnp.ones((), real),
+            on_device(spacing**fams.dim),
+            on_device(np.ones((), real)),
             grid.cells,
             before,
             behind,
@@ -149,8 +149,8 @@ class GridWalk(eqx.Module):
             int(np.abs(offsets @ stride).max(initial=0)),
             math.prod(padded),
         )
-        filled = walk.embed(jnp.ones((len(fams), 1), real))[0]
-        return eqx.tree_at(lambda w: w.filled, walk, filled)
+        points = namespace(grid.sites).ones((len(fams), 1), real)
+        return eqx.tree_at(lambda w: w.filled, walk, on_device(walk.embed(points)[0]))
 
     back = None
 
@@ -158,13 +158,14 @@ class GridWalk(eqx.Module):
     def volumes(self) -> Array:
         return self.cell * self.filled
 
-    def embed(self, x: Array) -> Array:
-        """(points, components) → (components, flat); 0 where there is no point."""
+    def embed(self, x: Any) -> Any:
+        """(points, components) → (components, flat); 0 where there is no point. Of NumPy arrays a NumPy array."""
         x = to_cells(x, self.cells, self.sites)
         for axis, (b, e, wraps) in enumerate(zip(self.before, self.behind, self.periodic, strict=True)):
             width = [(0, 0)] * x.ndim
             width[axis + 1] = (b, e)
-            x = jnp.pad(x, width, mode="wrap" if wraps else "constant")
+            xp = np if isinstance(x, np.ndarray) else jnp
+            x = xp.pad(x, width, mode="wrap" if wraps else "constant")
         return x.reshape(x.shape[0], self.flat)
 
     def collect(self, x: Array) -> Array:
