@@ -116,7 +116,7 @@ def _by_transform(tangent: TwoStageTangent, dim: int, bonds: int) -> Float[Array
     c = 4 * jnp.sin(angle / 2) ** 2
     values = tangent(Phases(c, jnp.sin(angle), -c / 2, c[:, 0]))
     blocks = jnp.fft.ifftn(values.reshape(*[size] * dim, dim, dim), axes=tuple(range(dim))).real
-    return blocks[tuple((_box(dim, reach) % size).T)]
+    return blocks[tuple((_box(dim, reach) % size).astype(np.int32).T)]
 
 
 class Forms(NamedTuple):
@@ -133,8 +133,8 @@ class Forms(NamedTuple):
 @lru_cache(maxsize=4)
 def upper(dim: int) -> tuple[tuple[np.ndarray, np.ndarray], np.ndarray]:
     """The upper triangle's indices, and the place (dim, dim) of every entry in it."""
-    rows, columns = np.triu_indices(dim)
-    place = np.zeros((dim, dim), dtype=int)
+    rows, columns = (x.astype(np.int32) for x in np.triu_indices(dim))  # jax 0.10 fails on int64 ones in float32 runs
+    place = np.zeros((dim, dim), dtype=np.int32)
     place[rows, columns] = place[columns, rows] = np.arange(len(rows))
     return (rows, columns), place
 
@@ -204,7 +204,7 @@ def on_grid(blocks: Float[Array, "offsets p"], offsets: np.ndarray, axes: list[n
     """
     reach, dim = int(np.abs(offsets).max()), offsets.shape[1]
     size = 2 * reach + 1
-    flat = [np.ravel_multi_index((sign * offsets + reach).T, [size] * dim) for sign in (1, -1)]
+    flat = [np.ravel_multi_index((s * offsets + reach).T, [size] * dim).astype(np.int32) for s in (1, -1)]
     real = jnp.zeros((blocks.shape[1], size**dim), blocks.dtype)
     real = real.at[:, np.concatenate(flat)].set(jnp.concatenate([blocks, blocks]).T)
     real = real.at[:, (size**dim) // 2].set(-2 * blocks.sum(axis=0)).reshape(-1, *[size] * dim)

@@ -57,15 +57,15 @@ def test_save_and_load_keep_everything(grid, tmp_path):
 
 def test_a_long_run_saves_as_it_goes(law, tmp_path, monkeypatch):
     """Stopped after its first chunk, a run with save= leaves a valid file, undefined where it had not been."""
-    chunk, calls = maps._chunk, []
+    evaluated, calls = maps._evaluated, []
 
     def stop_at_the_second(*arguments):
         calls.append(1)
         if len(calls) == 2:
             raise KeyboardInterrupt
-        return chunk(*arguments)
+        return evaluated(*arguments)
 
-    monkeypatch.setattr(maps, "_chunk", stop_at_the_second)
+    monkeypatch.setattr(maps, "_evaluated", stop_at_the_second)
     monkeypatch.setattr(maps, "_CHUNK_BYTES", 1)
     monkeypatch.setattr(maps, "_SAVE_EVERY", 0.0)
     target = tmp_path / "part.npz"
