@@ -3,7 +3,9 @@
 A lattice in 3D, random displacements of 1e-2 spacings. `error`: the largest difference from the slices of the same body
 (whose own error is rounding: the tests compare every way with the general path), over the largest force; of the slices
 themselves from the padded families, where those are small enough to be made. The operator is prepared before; its price
-is the row's `prepare_seconds`. Of FFT also `transform_seconds`: as many transforms and nothing else, its floor.
+is the row's `prepare_seconds`. `plain_seconds` and `closure_seconds` are what a user writes instead: the plain call
+`force_density(model, families, u)`, and the same in a `jax.jit` of the user's own. Of FFT also `transform_seconds`: as
+many transforms and nothing else, its floor.
 """
 
 import resource
@@ -15,14 +17,14 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ..evaluate import ForceOperator, force_operator, ways_of
+from ..evaluate import ForceOperator, force_density, force_operator, ways_of
 from ..family_search import families
 from ..laws import LinearElastic
 from ..models import LPS, BondBased, Correspondence, SethHill
 from ..neighbours import Families
 from ..points import lattice
 from ..ways.convolution import Convolution
-from .harness import Case, Task, kernel
+from .harness import Case, Task, hosted, kernel
 
 LAW = LinearElastic(lam=1.0, mu=1.0)  # type: ignore[call-arg, arg-type]
 MODELS = {
@@ -60,6 +62,9 @@ def evaluate(model: str, way: str, n: int, horizon: float) -> dict:
     jax.block_until_ready(jax.tree.leaves(operator.plan))
     prepared = time.perf_counter() - start
     f, row = kernel(_call, operator, u)
+    closure = jax.jit(lambda u: force_density(MODELS[model], fams, u, way=way))
+    plain, closed = hosted(lambda: force_density(MODELS[model], fams, u, way=way))[1], hosted(lambda: closure(u))[1]
+    row |= {"plain_seconds": plain["seconds"], "closure_seconds": closed["seconds"]}
     other = "slices" if way != "slices" else "families"
     error = None
     if other in ways_of(MODELS[model], fams):
