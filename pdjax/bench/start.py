@@ -140,7 +140,7 @@ def draw(rows: list[dict]):
     lower.bar_label(bars, fmt=" %.2f s", fontsize=7)
     lower.tick_params(axis="y", labelsize=8)
     lower.set_xscale("log")
-    lower.set_xlim(3e-4, 10 * max(row["seconds"] for row in rows))
+    lower.set_xlim(1e-4, 10 * max(row["seconds"] for row in rows))
     upper.set_xlabel("wall time in a fresh process, imports apart  [s]")
     upper.tick_params(axis="x", labelbottom=True)
     lower.set_xlabel("wall time of a whole process  [s]")
