@@ -56,7 +56,7 @@ def use_compilation_cache(path: str | os.PathLike | None = None) -> str | None:
     >>> import pdjax as pd
     >>> folder = pd.use_compilation_cache()  # doctest: +SKIP
     """
-    known = jax.config.jax_compilation_cache_dir or os.environ.get("JAX_COMPILATION_CACHE_DIR") or None
+    known = jax.config.values.get("jax_compilation_cache_dir") or os.environ.get("JAX_COMPILATION_CACHE_DIR") or None
     given = path if path is not None else known
     if given is not None and "://" in os.fspath(given):  # a bucket, which JAX writes by itself
         folder = os.fspath(given)
@@ -92,6 +92,6 @@ def _made(folder: Path) -> Path:
 
 def _use(folder: str | None) -> None:
     """Give JAX the folder, also if it already reads from another one."""
-    if folder != jax.config.jax_compilation_cache_dir:
+    if folder != jax.config.values.get("jax_compilation_cache_dir"):
         compilation_cache.reset_cache()
         jax.config.update("jax_compilation_cache_dir", folder)

@@ -322,7 +322,7 @@ class _Job(NamedTuple):
     m: np.ndarray
     modulus: np.ndarray
     a: np.ndarray
-    index: np.ndarray
+    where: np.ndarray
     out: np.ndarray
 
 
@@ -347,4 +347,4 @@ def _do(job: _Job, make: Callable, path: Path, mesh: Mesh | None) -> None:
     """Evaluate one chunk and put its results where they go."""
     for c, kinds in enumerate(_evaluated(job, make, path, mesh)):
         for kind in range(len(job.out)):
-            job.out[kind, c, job.index] = np.asarray(kinds[kind])
+            job.out[kind, c, job.where] = np.asarray(kinds[kind])

@@ -5,6 +5,8 @@ Criteria that search a Brillouin zone take it as a fourth argument. Source of th
 Behzadinasab & Foster (diagonal, continuum), Born & Huang 1954 (symbol).
 """
 
+from typing import Any
+
 import equinox as eqx
 import jax
 import numpy as np
@@ -105,8 +107,10 @@ def stability(
         check_at_rest(model, fam)
         out = _stability(model, fam, F, criterion, zone.intervals, zone.symmetry)
     tolerance = margin_tolerance(fam.xi.dtype, out.scale)
-    numbers = on_device((out.margin, out.eigenvalue, out.mode, out.wave_vector, out.direction, tolerance))
-    return Stability(criterion, *numbers, zone.intervals if criterion == "symbol" else None)
+    numbers: Any = on_device((out.margin, out.eigenvalue, out.mode, out.wave_vector, out.direction, tolerance))
+    margin, eigenvalue, mode, wave_vector, direction, tolerance = numbers
+    resolution = zone.intervals if criterion == "symbol" else None
+    return Stability(criterion, margin, eigenvalue, mode, wave_vector, direction, tolerance, resolution)
 
 
 __all__ = [

@@ -124,7 +124,7 @@ def _one_by_one(function: Any) -> Any:
 
 
 @eqx.filter_jit
-def _traced(model, fam, path, criterion: str, sign: Array, samples: Array, intervals: int, symmetry: str) -> Array:
+def _traced(model, fam, path, criterion: str, sign: Any, samples: Any, intervals: int, symmetry: str) -> Array:
     zone = brillouin_zone(fam.dim, intervals, symmetry)
     arrays, rest = eqx.partition((model, fam, path, sign, samples), eqx.is_array)
 
@@ -159,8 +159,10 @@ def _split(low: float, high: float, f_low: float, f_high: float) -> np.ndarray:
     return np.append(np.sort(np.clip(points, np.nextafter(low, high), high))[: BATCH - 1], high)
 
 
-def _host_edge(model, fam, path: Path, criterion: str, sign: float, samples: np.ndarray, zone: Zone) -> tuple:
-    """`_traced_edge` on concrete values, and the loads and margins of every state that was looked at."""
+def _host_edge(setting: tuple, criterion: str, sign: float, samples: np.ndarray, zone: Zone) -> tuple:
+    """`_traced_edge` on concrete values (`setting`: model, family, path), and the loads and margins of every state that
+    was looked at."""
+    model, fam, path = setting
     real = np.dtype(fam.xi.dtype)
     seen: list[np.ndarray] = []
 
@@ -239,7 +241,7 @@ def critical_load(
     if not is_concrete(quiet):
         check_at_rest(model, fam)
         return _traced(model, fam, path, criterion, sign, samples, zone.intervals, zone.symmetry)
-    (low, high, exists, at), seen = _host_edge(*quiet, criterion, float(sign), samples, zone)
+    (low, high, exists, at), seen = _host_edge(quiet, criterion, float(sign), samples, zone)
     if is_concrete(model, fam, path):
         return as_array(sign * (_secant(low, high, seen, real) if exists else np.inf), real)
     bracket = np.asarray(low, real), np.asarray(high, real), np.asarray(exists), at

@@ -7,6 +7,7 @@ Every other criterion is one program of its own, for STATES states at once. Unde
 traced as they are (`pdjax.criteria.evaluate`).
 """
 
+from collections.abc import Callable
 from functools import lru_cache, partial
 from typing import Any
 
@@ -50,7 +51,7 @@ def _packed(blocks: np.ndarray) -> np.ndarray:
     return (blocks[..., rows, columns] + blocks[..., columns, rows]) / 2
 
 
-def _work(blocks: np.ndarray, offsets: np.ndarray, x: np.ndarray, is_long: np.ndarray, v: np.ndarray) -> tuple:
+def _work(blocks: np.ndarray, offsets: np.ndarray, x: Any, is_long: Any, v: Any) -> tuple:
     """(vᵀ Ĵ v, κ²) of every state at its own x [1/spacing], in the units of the blocks."""
     angle = x @ offsets.T
     c = np.where(is_long[:, None], angle**2, 4 * np.sin(angle / 2) ** 2)
@@ -93,7 +94,7 @@ def _of_blocks(model: AbstractModel, fam: Family, states: States, zone: Zone, wh
     return Outcome(margin, value, mode, scale=np.ones(len(D)), at=mode)
 
 
-FROM_STATES = {
+FROM_STATES: dict[str, Callable[[AbstractModel, Family, States, Zone], Outcome]] = {
     "symbol": _symbol,
     "diagonal": partial(_of_blocks, whole=False),
     "block": partial(_of_blocks, whole=True),

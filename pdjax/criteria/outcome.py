@@ -19,12 +19,12 @@ class Outcome(NamedTuple):
     same quotient is measured for other parameters, which by the envelope theorem is the margin to second order.
     """
 
-    margin: Float[Array, ""]
-    eigenvalue: Float[Array, ""]
-    mode: Float[Array, "..."]
-    wave_vector: Float[Array, " dim"] | None = None
-    direction: Float[Array, " dim"] | None = None
-    scale: Float[Array, ""] | float = 1.0
+    margin: Any  # (): one state; with a leading axis, as of NumPy, where many were judged at once
+    eigenvalue: Any
+    mode: Any
+    wave_vector: Any = None  # (dim,)
+    direction: Any = None  # (dim,)
+    scale: Any = 1.0
     at: Any = None
 
 
