@@ -8,6 +8,7 @@ The program takes STATES deformations at once and the resting state beside them.
 with the family.
 """
 
+from functools import partial
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -18,6 +19,7 @@ from jaxtyping import Array, Float
 
 from ._checks import as_array, computed, deformation_gradient, is_concrete, on_device, require
 from ._memory import remember, value_key
+from ._xla import QUICK
 from .bloch import block_at_center, homogeneous_tangent, modulus_at_rest, wave_phases
 from .cosine_series import reached, series, symbols
 from .force import check_model
@@ -46,7 +48,7 @@ def _rings(model: AbstractModel) -> int:
     return 3 if isinstance(model, TwoStageModel) else 2
 
 
-@eqx.filter_jit
+@partial(eqx.filter_jit, compiler_options=QUICK)
 def _linearise(model: AbstractModel, fam: Family, F: Float[Array, "states dim dim"], count: Array) -> tuple:
     """The series of the first `count` of F and of the resting state after them, and M."""
     dim, bonds = fam.dim, len(fam.influence)

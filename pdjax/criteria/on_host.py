@@ -16,6 +16,7 @@ import jax
 import numpy as np
 
 from .._checks import computed
+from .._xla import QUICK
 from ..cosine_series import reached
 from ..lattice_states import STATES, States, check_at_rest, checked_states, has_series
 from ..models.base import AbstractModel, TwoStageModel
@@ -31,7 +32,8 @@ MANY = 64  # states that climb together where there are many of them
 def _search(dim: int, bonds: int, rings: int, intervals: int, symmetry: str, group: int | None) -> Any:
     """The search as one program: its sizes are all it is made for."""
     offsets, zone = reached(dim, bonds, rings), brillouin_zone(dim, intervals, symmetry)
-    return jax.jit(lambda blocks, count: search(blocks, count, offsets, zone, group))
+    program = partial(search, offsets=offsets, zone=zone, group=group)
+    return jax.jit(program, compiler_options=None if group else QUICK)
 
 
 def searched(states: States, model: AbstractModel, fam: Family, zone: Zone) -> Found:
