@@ -187,3 +187,31 @@ def test_batches_are_loops(law):
 def test_bad_input_names_the_argument(change, words, law):
     with pytest.raises(ValueError, match=words):
         pd.critical_load(pd.SethHill(1.0, law), pd.lattice_family(2, 3), **change)
+
+
+@pytest.mark.parametrize(("m", "side"), [(-2.0, "negative"), (0.4, "positive")])
+def test_a_load_in_a_users_jit_is_the_plain_one(m, side):
+    """Two drivers of one search: the host's secant, and Newton's step inside a program; and a batch of them."""
+    fam = pd.lattice_family(2, 3)
+
+    def load(m):
+        return pd.critical_load(pd.SethHill(m, STIFF), fam, pd.uniaxial_strain, "symbol", side)
+
+    plain = float(load(m))
+    assert float(jax.jit(load)(m)) == pytest.approx(plain, abs=1e-11)  # 1e-12, where the slope of the margin is 1e-3
+    batch = jax.vmap(load)(jnp.array([m, 1.01 * m]))
+    assert float(batch[0]) == pytest.approx(plain, abs=1e-11)
+    assert float(batch[1]) == pytest.approx(float(load(1.01 * m)), abs=1e-11)
+
+
+def test_known_states_are_judged_while_something_else_is_traced(law):
+    """Inside a user's jit of other things, what is known stays a number."""
+    fam, model = pd.lattice_family(1, 2), pd.SethHill(0.3, law)
+
+    def scaled(x):
+        state = pd.stability(model, fam, 0.98 * np.eye(1))
+        load = pd.critical_load(model, fam, criterion="diagonal")
+        return x * state.margin, x * load, x * pd.center_block(model, fam, np.eye(1)), x * pd.p_wave_modulus(model, fam)
+
+    for inside, outside in zip(jax.jit(scaled)(2.0), scaled(2.0), strict=True):
+        np.testing.assert_allclose(inside, outside, rtol=1e-13)  # 1e-15
