@@ -14,6 +14,7 @@ energy, V J = −Zᵀ (V H) Z, since its states are linear in η.
 
 import os
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -24,6 +25,7 @@ import scipy.sparse as sp
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array
 
+from ._xla import QUICK
 from .force import split_model
 from .linearise import TwoStage, family_tangent, linearise_states, linearise_two_stage
 from .models.base import AbstractModel, PointStateModel, TwoStageModel
@@ -35,6 +37,8 @@ def _point_tangents(model: AbstractModel, fams: Families, bonds: Bonds) -> Any:
     varying, shared = split_model(model, len(fams))
     if not isinstance(model, PointStateModel | TwoStageModel):
         return jax.vmap(lambda mine, b: family_tangent(eqx.combine(mine, shared), b))(varying, bonds)
+    if isinstance(model, PointStateModel) and not model.needs_other_end:
+        return jax.vmap(lambda mine, b: linearise_states(eqx.combine(mine, shared), b))(varying, bonds)
     states = jax.vmap(lambda mine, b: ravel_pytree(eqx.combine(mine, shared).point_state(b))[0])(varying, bonds)
     far = states[fams.neighbours]
     linearise: Any = linearise_two_stage if isinstance(model, TwoStageModel) else linearise_states
@@ -107,7 +111,7 @@ def _tangents(model: AbstractModel, fams: Families, u: Array, F: Array | None) -
     return _point_tangents(model, fams, fams.bonds(u, F))
 
 
-@eqx.filter_jit
+@partial(eqx.filter_jit, compiler_options=QUICK)
 def _ring_blocks(model: PointStateModel, fams: Families, u: Array, F: Array | None) -> tuple[Array, ...]:
     """D, P and S of the module's text, each as its blocks on bonds (points, bonds, …) and on points (points, …)."""
     bonds = fams.bonds(u, F)
