@@ -8,8 +8,13 @@ Importing this module sets it; where JAX has run something before, it comes too 
 """
 
 import os
+from collections.abc import Callable
+from typing import Any, TypeVar
 
+import equinox as eqx
 import jaxlib
+
+Function = TypeVar("Function", bound=Callable[..., Any])
 
 FLAG = "--xla_cpu_enable_concurrency_optimized_scheduler"
 
@@ -19,3 +24,8 @@ if FLAG not in os.environ.get("XLA_FLAGS", ""):
 # For programs that are small or run a few times: their compilation takes 40 % less time, their run a quarter longer
 # (measured for the search of a zone). XLA refuses options that it does not know, so only the versions tried get it.
 QUICK = {"xla_cpu_use_fusion_emitters": False} if jaxlib.__version__.startswith("0.10.") else {}
+
+
+def quick_jit(function: Function) -> Function:
+    """`eqx.filter_jit` with QUICK, for calls from the host: options are refused inside another program."""
+    return eqx.filter_jit(function, compiler_options=QUICK)  # type: ignore[call-overload]

@@ -8,7 +8,6 @@ The program takes STATES deformations at once and the resting state beside them.
 with the family.
 """
 
-from functools import partial
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -19,7 +18,7 @@ from jaxtyping import Array, Float
 
 from ._checks import as_array, computed, deformation_gradient, is_concrete, on_device, require
 from ._memory import remember, value_key
-from ._xla import QUICK
+from ._xla import quick_jit
 from .bloch import block_at_center, homogeneous_tangent, modulus_at_rest, wave_phases
 from .cosine_series import reached, series, symbols
 from .force import check_model
@@ -48,7 +47,7 @@ def _rings(model: AbstractModel) -> int:
     return 3 if isinstance(model, TwoStageModel) else 2
 
 
-@partial(eqx.filter_jit, compiler_options=QUICK)
+@quick_jit
 def _linearise(model: AbstractModel, fam: Family, F: Float[Array, "states dim dim"], count: Array) -> tuple:
     """The series of the first `count` of F and of the resting state after them, and M."""
     dim, bonds = fam.dim, len(fam.influence)
