@@ -6,11 +6,10 @@ classical law, the time of a force evaluation for a bond, and for each path and 
     a_cr     the edge of the unstable set: 0 unstable at once, inf not within the limit
     before   "stable" or "marginal": what the loads are that come before it
 
-One kernel (model, family, batch of F) → margins serves all paths: loads are sampled in batches until one is unstable,
-then the bracket is split three times into 16 and closed by the secant: a_cr to 1e-5 of the range at worst;
-`pdjax.critical_load` gives all digits. An edge below 1e-4 counts as 0: so near to rest the worst wave sits on a ridge
-that a search can miss. The row "law" is the classical law itself (criterion "local"): what a model that adds no
-instability of its own has.
+The margins of a batch of states serve all paths: loads are sampled in batches until one is unstable, then the bracket
+is split three times into 16 and closed by the secant: a_cr to 1e-5 of the range at worst; `pdjax.critical_load` gives
+all digits. An edge below 1e-4 counts as 0: so near to rest the worst wave sits on a ridge that a search can miss. The
+row "law" is the classical law itself (criterion "local"): what a model that adds no instability of its own has.
 """
 
 import json
@@ -19,23 +18,26 @@ import os
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path as FilePath
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array
 
-from ._checks import choice, writable, written_whole
+from ._checks import choice, computed, writable, written_whole
 from ._progress import progress
-from .bloch import homogeneous_tangent, modulus_at_rest, wave_phases
 from .climb import climb
-from .cosine_series import Series, entries, forms, on_grid, packed, reached, rings_of, series
-from .criteria import check_at_rest, evaluate, family_zone, margin_tolerance
+from .cosine_series import Series, entries, forms, on_grid, packed, reached
+from .criteria import check_at_rest, family_zone, margin_tolerance
+from .criteria.critical import deformations
+from .criteria.on_host import outcomes
 from .evaluate import force_operator
 from .family_search import families
+from .lattice_states import checked_states, symbol
 from .laws import LinearElastic, law_label
-from .models.base import AbstractModel
+from .models.base import AbstractModel, TwoStageModel
 from .models.catalogue import CATALOGUE, model_name
 from .models.correspondence import Correspondence
 from .neighbours import Family, lattice_family
@@ -81,32 +83,18 @@ class Atlas:
         return next((r for r in self.records if (r["model"], r["dim"], r["N"]) == (model, dim, float(N))), None)
 
 
-@eqx.filter_jit
-def _margins(model: AbstractModel, fam: Family, F, criterion: str, intervals: int):
-    zone = family_zone(fam, "inversion", intervals)
-
-    def one(F):
-        out = evaluate(criterion, model, fam, F, zone)
-        return out.margin, jnp.asarray(margin_tolerance(F.dtype, out.scale), F.dtype)
-
-    return jax.vmap(one)(F)
-
-
-@eqx.filter_jit
-def _deformations(path, a, model, fam):
-    return jax.vmap(lambda x: path(x, model, fam))(a)
-
-
 def critical(model: AbstractModel, fam: Family, path, side: str, criterion: str = "symbol") -> tuple[float, str]:
     """(a_cr, what the states before it are) along one path and side."""
     sign, limit = (-1.0 if side == "compression" else 1.0), LIMITS[side]
     law_family = path is not PATHS["uniaxial-stress"] or criterion != "local"
     own = model if law_family else Correspondence(model.law)  # type: ignore[attr-defined]
 
+    zone = family_zone(fam, "inversion", GRID[fam.dim] * fam.reach)
+
     def margins(sizes):
-        F = _deformations(path, jnp.asarray(sign * sizes, fam.xi.dtype), own, fam)
-        margin, tolerance = _margins(model, fam, F, criterion, GRID[fam.dim] * fam.reach)
-        return np.asarray(margin), np.asarray(tolerance)
+        F = computed(deformations, path, (sign * sizes).astype(fam.xi.dtype), own, fam)
+        out = outcomes(criterion, model, fam, F, zone)
+        return out.margin, margin_tolerance(fam.xi.dtype, out.scale)
 
     sizes = np.concatenate([np.geomspace(SMALLEST, 0.02, BATCH), np.linspace(0.02, limit, 2 * BATCH + 1)[1:]])
     low, high, seen = 0.0, math.inf, []
@@ -136,21 +124,18 @@ def critical(model: AbstractModel, fam: Family, path, side: str, criterion: str 
     return (sign * float(edge), before) if edge > AT_ONCE else (0.0, "unstable at once")
 
 
-@eqx.filter_jit
-def _zero_search(model: AbstractModel, fam: Family, intervals: int, symmetry: str):
-    """(wave vectors [1/spacing], quotients): the best grid points and where they climb to, at rest."""
-    dim, bonds, zone = fam.dim, len(fam.influence), brillouin_zone(fam.dim, intervals, symmetry)
-    tangent = homogeneous_tangent(model, fam, jnp.eye(dim, dtype=fam.xi.dtype))
-    offsets = reached(dim, bonds, rings_of(tangent))
-    blocks = packed(series(tangent, dim, bonds)) * fam.spacing**2 / modulus_at_rest(model, fam)
-    grid = jnp.asarray(zone.grid, fam.xi.dtype)
+@partial(jax.jit, static_argnums=(1, 2, 3, 4, 5))
+def _zero_search(blocks: Array, dim: int, bonds: int, rings: int, intervals: int, symmetry: str):
+    """(wave vectors [1/spacing], quotients) of one cosine series: the best grid points and where they climb to."""
+    offsets, zone = reached(dim, bonds, rings), brillouin_zone(dim, intervals, symmetry)
+    grid = jnp.asarray(zone.grid, blocks.dtype)
     values = on_grid(blocks, offsets, list(zone.axes)).reshape(blocks.shape[1], -1)[:, zone.places]
     screen = largest_eigenvalue(entries(values, dim)) / jnp.sum(4 * jnp.sin(grid / 2) ** 2, axis=1)
     count = min(len(zone.grid), 64)
     chosen = jnp.argsort(-screen)[:count]
     starts = grid[chosen][None]
     sums, wave = Series.of(blocks[None], offsets), np.zeros(count, bool)
-    begin = starts + 0.3 * jnp.asarray(nudge(dim, zone.step), fam.xi.dtype)
+    begin = starts + 0.3 * jnp.asarray(nudge(dim, zone.step), blocks.dtype)
     vectors = jnp.linalg.eigh(forms(sums, begin, wave, wave).A)[1][..., -1]
     climbed, _, quotients = climb(lambda x: forms(sums, x, wave, wave), begin, vectors, zone.step)
     return jnp.concatenate([starts, climbed], axis=1)[0], jnp.concatenate([screen[chosen], quotients[0]])
@@ -160,7 +145,10 @@ def zero_energy_waves(model: AbstractModel, fam: Family) -> np.ndarray:
     """Wave vectors (waves, dim) [π/h] at which the resting lattice resists nothing, one of each set that its symmetry
     makes the same: as far as a search from 64 starts finds them."""
     symmetry = "cubic" if fam.cubic and model.isotropic else "inversion"
-    points, values = (np.asarray(x) for x in _zero_search(model, fam, GRID[fam.dim] * fam.reach, symmetry))
+    states = checked_states(model, fam, np.eye(fam.dim)[None])
+    rings = 3 if isinstance(model, TwoStageModel) else 2
+    settings = fam.dim, len(fam.influence), rings, GRID[fam.dim] * fam.reach, symmetry
+    points, values = computed(_zero_search, packed(states.scaled[0]).astype(fam.xi.dtype), *settings)
     tolerance = 100 * float(margin_tolerance(points.dtype))
     found = points[np.abs(values) <= tolerance] / np.pi
     found = found - 2 * np.round(found / 2)
@@ -181,9 +169,8 @@ def zero_energy_waves(model: AbstractModel, fam: Family) -> np.ndarray:
 
 def dispersion_error(model: AbstractModel, fam: Family, law: LinearElastic) -> list[float]:
     """ω/ω_classical − 1 at rest, kh = 1 along an axis: longitudinal, and transverse if dim > 1."""
-    k = jnp.zeros(fam.dim, fam.xi.dtype).at[0].set(1 / fam.spacing)
-    tangent = homogeneous_tangent(model, fam, jnp.eye(fam.dim, dtype=fam.xi.dtype))
-    values = -np.diag(np.asarray(tangent(wave_phases(fam, k)))) * float(fam.spacing) ** 2
+    k = np.eye(fam.dim)[0] / float(fam.spacing)
+    values = -np.diag(np.asarray(symbol(model, fam, np.eye(fam.dim), k))) * float(fam.spacing) ** 2
     classical = [float(law.lam + 2 * law.mu), float(law.mu)][: min(fam.dim, 2)]
     return [float(np.sqrt(max(v, 0.0) / c) - 1) for v, c in zip(values, classical, strict=False)]
 

@@ -139,8 +139,8 @@ def upper(dim: int) -> tuple[tuple[np.ndarray, np.ndarray], np.ndarray]:
     return (rows, columns), place
 
 
-def packed(blocks: Float[Array, "*states offsets dim dim"]) -> Float[Array, "*states offsets p"]:
-    """The upper triangle of the symmetric part of every block."""
+def packed(blocks: Any) -> Any:
+    """The upper triangle (*states, offsets, p) of the symmetric part of every block (*states, offsets, dim, dim)."""
     (rows, columns), _ = upper(blocks.shape[-1])
     return (blocks[..., rows, columns] + blocks[..., columns, rows]) / 2
 

@@ -7,12 +7,15 @@ The classical line is that of the law itself, ω² = |k|² eig Q(n)/ρ with the 
 `classical_frequency`. A zero-energy mode is a wave, k ≠ 0, whose λ vanishes to rounding beside the law's M κ².
 """
 
+from typing import Any
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from ._checks import deformation_gradient, is_concrete, require
+from ._checks import as_real, deformation_gradient, is_concrete, namespace, require
 from .bloch import homogeneous_tangent, modulus_at_rest, wave_phases
 from .criteria.outcome import margin_tolerance
 from .force import check_model
@@ -64,17 +67,17 @@ def _dispersion(model: AbstractModel, fam: Family, F: Array, k: Array, density: 
     return Dispersion(k, value, frequency, root(-square), mode, group, zero)
 
 
-def _waves(k, dim: int, dtype) -> Array:
-    k = jnp.asarray(k, dtype)
+def _waves(k, dim: int, dtype) -> Any:
+    k = namespace(k).asarray(k, dtype)
     k = k[:, None] if k.ndim == 1 and dim == 1 else k
     if k.ndim != 2 or k.shape[1] != dim:
         raise ValueError(f"k must have shape (waves, {dim}) for this family; got {k.shape}")
-    return require(k, jnp.isfinite(k), "k must be finite")
+    return require(k, namespace(k).isfinite(k), "k must be finite")
 
 
-def _positive(density, dtype) -> Array:
-    density = jnp.asarray(density, dtype)
-    if is_concrete(density) and not (density.shape == () and jnp.isfinite(density) and density > 0):
+def _positive(density, dtype) -> Any:
+    density = namespace(density).asarray(density, dtype)
+    if is_concrete(density) and not (density.shape == () and np.isfinite(density) and density > 0):
         raise ValueError(f"density must be one finite number > 0; got {density}")
     return density
 
@@ -104,6 +107,7 @@ def classical_frequency(model: AbstractModel, F, k, density=1.0) -> Float[Array,
 
     Arguments: as `dispersion`. NaN where the law itself is unstable.  Raises: ValueError for a model without a law.
     """
-    F = jnp.atleast_2d(jnp.asarray(F))
+    F = as_real(F)
+    F = F.reshape(1, 1) if F.ndim == 0 else F
     F = deformation_gradient(F, F.shape[0])
     return _classical(model, F, _waves(k, F.shape[0], F.dtype), _positive(density, F.dtype))

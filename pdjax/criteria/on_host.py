@@ -17,7 +17,7 @@ import numpy as np
 
 from .._checks import computed
 from .._xla import QUICK
-from ..cosine_series import reached
+from ..cosine_series import packed, reached
 from ..lattice_states import STATES, States, check_at_rest, checked_states, has_series
 from ..models.base import AbstractModel, TwoStageModel
 from ..neighbours import Family
@@ -38,7 +38,7 @@ def _search(dim: int, bonds: int, rings: int, intervals: int, symmetry: str, gro
 
 def searched(states: States, model: AbstractModel, fam: Family, zone: Zone) -> Found:
     """Where the searches of all states ended, in NumPy."""
-    scaled = np.asarray(_packed(states.scaled), fam.xi.dtype)
+    scaled = np.asarray(packed(states.scaled), fam.xi.dtype)
     count = len(scaled)
     size = -(-count // STATES) * STATES
     padded = np.zeros((size, *scaled.shape[1:]), scaled.dtype)
@@ -46,11 +46,6 @@ def searched(states: States, model: AbstractModel, fam: Family, zone: Zone) -> F
     rings, group = (3 if isinstance(model, TwoStageModel) else 2), (None if size == STATES else MANY)
     program = _search(fam.dim, len(fam.influence), rings, zone.intervals, zone.symmetry, group)
     return Found(*(x[:count] for x in computed(program, padded, np.asarray(count))))
-
-
-def _packed(blocks: np.ndarray) -> np.ndarray:
-    rows, columns = np.triu_indices(blocks.shape[-1])
-    return (blocks[..., rows, columns] + blocks[..., columns, rows]) / 2
 
 
 def _work(blocks: np.ndarray, offsets: np.ndarray, x: Any, is_long: Any, v: Any) -> tuple:
