@@ -19,23 +19,26 @@ c = (N·o)².
 from functools import lru_cache
 from typing import Any, NamedTuple
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from ._checks import namespace
 from .bloch import DenseTangent, Phases, StateTangent, Tangent, TwoStageTangent
 from .neighbours import cells_within
 
 
 class Fold(NamedTuple):
     """Where the products over a half family go: half offsets (offsets, dim), and the index of every own bond, of every
-    sum a + b and of every difference a − b among them; index `offsets` stands for the zero offset, which is dropped."""
+    sum a + b and of every difference a − b among them; index `offsets` stands for the zero offset, which is dropped.
+    The three in `order` are sorted by that index, and `first` is where each begins."""
 
     offsets: np.ndarray
     own: np.ndarray
     plus: np.ndarray
     minus: np.ndarray
+    order: np.ndarray
+    first: np.ndarray
 
 
 @lru_cache(maxsize=32)
@@ -67,7 +70,10 @@ def fold(dim: int, bonds: int) -> Fold:
     zero = int(np.flatnonzero((unique == 0).all(axis=1))[0])
     place = np.where(where == zero, len(unique) - 1, where - (where > zero)).astype(np.int32).reshape(-1)
     own, plus, minus = np.split(place, [len(half), len(half) + len(half) ** 2])
-    return Fold(np.delete(unique, zero, axis=0), own, plus, minus)
+    order = np.argsort(place, kind="stable")
+    return Fold(
+        np.delete(unique, zero, axis=0), own, plus, minus, order, np.searchsorted(place[order], np.arange(len(unique)))
+    )
 
 
 def reached(dim: int, bonds: int, rings: int) -> np.ndarray:
@@ -92,19 +98,26 @@ def series(tangent: Tangent, dim: int, bonds: int) -> Float[Array, "offsets dim 
     """B of the module's text [force/length^(dim+1)] for one state of a lattice family of `bonds` bonds."""
     if isinstance(tangent, TwoStageTangent):
         return _by_transform(tangent, dim, bonds)
-    f = fold(dim, bonds)
-    out = jnp.zeros((len(f.offsets) + 1, dim, dim), jax.tree.leaves(tangent)[0].dtype)
+    xp = namespace(tangent)
     if isinstance(tangent, StateTangent):
-        out = out.at[f.own].add(tangent.b)
-        product = jnp.einsum("air,brj->abij", tangent.g, tangent.r).reshape(-1, dim, dim) / 4
-        out = out.at[f.plus].add(product).at[f.minus].add(-product)
+        own = tangent.b
+        plus = xp.tensordot(tangent.g, tangent.r, axes=(2, 1)).transpose(0, 2, 1, 3) / 4
+        minus = -plus
     else:
         assert isinstance(tangent, DenseTangent)
         even, odd = (x.transpose(0, 2, 1, 3) / 4 for x in (tangent.even, tangent.odd))
-        out = out.at[f.own].add(2 * (even.sum(axis=0) + even.sum(axis=1)))
-        out = out.at[f.plus].add((odd - even).reshape(-1, dim, dim))
-        out = out.at[f.minus].add((-odd - even).reshape(-1, dim, dim))
-    return out[:-1]
+        own = 2 * (even.sum(axis=0) + even.sum(axis=1))
+        plus, minus = odd - even, -odd - even
+    terms = xp.concatenate([own, plus.reshape(-1, dim, dim), minus.reshape(-1, dim, dim)])
+    return _sums(terms, fold(dim, bonds))
+
+
+def _sums(terms: Array, f: Fold) -> Array:
+    """The sum of the terms (own, plus, minus) of every offset."""
+    if isinstance(terms, np.ndarray):
+        return np.add.reduceat(terms[f.order], f.first)[:-1]
+    place = np.concatenate([f.own, f.plus, f.minus])
+    return jnp.zeros((len(f.first), *terms.shape[1:]), terms.dtype).at[place].add(terms)[:-1]
 
 
 def _by_transform(tangent: TwoStageTangent, dim: int, bonds: int) -> Float[Array, "offsets dim dim"]:
@@ -160,41 +173,42 @@ class Series(NamedTuple):
     offsets: Any
 
     @staticmethod
-    def of(blocks: Float[Array, "states offsets p"], offsets: np.ndarray) -> "Series":
+    def of(blocks: Any, offsets: np.ndarray) -> "Series":
         (rows, columns), _ = upper(offsets.shape[1])
-        o = jnp.asarray(offsets, blocks.dtype)
-        oo = jnp.asarray(offsets[:, rows] * offsets[:, columns], blocks.dtype)
+        o = offsets.astype(blocks.dtype)
+        oo = o[:, rows] * o[:, columns]
         shape = (*blocks.shape[:2], -1)
         first = (o[None, :, :, None] * blocks[:, :, None, :]).reshape(shape)
         return Series(blocks, first, (oo[None, :, :, None] * blocks[:, :, None, :]).reshape(shape), o)
 
 
-def forms(s: Series, x: Float[Array, "states lanes dim"], long: np.ndarray, bare: np.ndarray) -> Forms:
+def forms(s: Series, x: Any, long: np.ndarray, bare: np.ndarray) -> Forms:
     """A = Ĵ (symmetric part) and κ² = Σ 4 sin²(x_i/2) with derivatives, at x (states, lanes, dim) [1/spacing].
 
     `long` (lanes,): the limit x → 0 along x instead, with κ² = |x|²; `bare` (lanes,): κ² = 1 instead.
     """
-    dim = x.shape[-1]
+    xp, dim = namespace(s, x), x.shape[-1]
     angle = x @ s.offsets.T
-    far = jnp.asarray(long)[:, None]
-    half, turn = jnp.sin(angle / 2), jnp.sin(angle)
-    c = jnp.where(far, angle**2, 4 * half**2)
-    c1 = jnp.where(far, 2 * angle, 2 * turn)
-    c2 = jnp.where(far, 2.0, 2 - 4 * half**2)
+    far = long[:, None]
+    half, turn = xp.sin(angle / 2), xp.sin(angle)
+    c = xp.where(far, angle**2, 4 * half**2)
+    c1 = xp.where(far, 2 * angle, 2 * turn)
+    c2 = xp.where(far, 2.0, 2 - 4 * half**2)
     _, place = upper(dim)
     A = -(c @ s.zeroth)[..., place]
     A1 = -(c1 @ s.first).reshape(*x.shape[:-1], dim, -1)[..., place]
     A2 = -(c2 @ s.second).reshape(*x.shape[:-1], len(s.zeroth[0, 0]), -1)[..., place, :][..., place]
-    return Forms(A, A1, A2, *_laplacian(x, far, jnp.asarray(bare)[:, None]))
+    return Forms(A, A1, A2, *_laplacian(x, far, bare[:, None]))
 
 
-def _laplacian(x: Array, far: Array, bare: Array) -> tuple[Array, Array, Array]:
-    eye = jnp.eye(x.shape[-1], dtype=x.dtype)
-    each = jnp.where(far, x**2, 4 * jnp.sin(x / 2) ** 2)
-    slope = jnp.where(far, 2 * x, 2 * jnp.sin(x))
-    curvature = jnp.where(far, 2.0, 2 * jnp.cos(x))
-    value = jnp.where(bare[:, 0], 1.0, each.sum(axis=-1))
-    return value, jnp.where(bare, 0.0, slope), jnp.where(bare, 0.0, curvature)[..., None] * eye
+def _laplacian(x: Array, far: np.ndarray, bare: np.ndarray) -> tuple[Array, Array, Array]:
+    xp = namespace(x)
+    eye = xp.eye(x.shape[-1], dtype=x.dtype)
+    each = xp.where(far, x**2, 4 * xp.sin(x / 2) ** 2)
+    slope = xp.where(far, 2 * x, 2 * xp.sin(x))
+    curvature = xp.where(far, 2.0, 2 * xp.cos(x))
+    value = xp.where(bare[:, 0], 1.0, each.sum(axis=-1))
+    return value, xp.where(bare, 0.0, slope), xp.where(bare, 0.0, curvature)[..., None] * eye
 
 
 def on_grid(blocks: Float[Array, "offsets p"], offsets: np.ndarray, axes: list[np.ndarray]) -> Float[Array, "p *grid"]:
@@ -202,27 +216,27 @@ def on_grid(blocks: Float[Array, "offsets p"], offsets: np.ndarray, axes: list[n
 
     The sum over offsets is a product of one matrix for each axis: its cost doesn't grow as grid × offsets.
     """
+    xp, real = namespace(blocks), blocks.dtype
     reach, dim = int(np.abs(offsets).max()), offsets.shape[1]
     size = 2 * reach + 1
-    flat = [np.ravel_multi_index((s * offsets + reach).T, [size] * dim).astype(np.int32) for s in (1, -1)]
-    real = jnp.zeros((blocks.shape[1], size**dim), blocks.dtype)
-    real = real.at[:, np.concatenate(flat)].set(jnp.concatenate([blocks, blocks]).T)
-    real = real.at[:, (size**dim) // 2].set(-2 * blocks.sum(axis=0)).reshape(-1, *[size] * dim)
-    imaginary: Any = None
+    place = np.full(size**dim, len(offsets) + 1, np.int32)  # of no offset, but the zero offset and its mirror images
+    place[size**dim // 2] = len(offsets)
+    for sign in (1, -1):
+        place[np.ravel_multi_index((sign * offsets + reach).T, [size] * dim)] = np.arange(len(offsets))
+    padded = xp.concatenate([blocks, -2 * blocks.sum(axis=0)[None], xp.zeros((1, blocks.shape[1]), real)])
+    box = padded[place].T.reshape(-1, *[size] * dim)
     steps = np.arange(-reach, reach + 1)
-    for axis in range(dim - 1, -1, -1):
-        cos, sin = (jnp.asarray(f(np.outer(steps, axes[axis])), blocks.dtype) for f in (np.cos, np.sin))
-
-        def turn(a, b, axis=axis):
-            return jnp.moveaxis(jnp.tensordot(a, b, axes=(axis + 1, 0)), -1, axis + 1)
-
-        if imaginary is None:
-            real, imaginary = turn(real, cos), turn(real, sin)
-        elif axis > 0:
-            real, imaginary = turn(real, cos) - turn(imaginary, sin), turn(real, sin) + turn(imaginary, cos)
-        else:
-            real = turn(real, cos) - turn(imaginary, sin)
-    return real
+    waves = [np.outer(steps, axis) for axis in axes]
+    tables = [(np.cos(x).astype(real), np.sin(x).astype(real)) for x in waves]
+    cos, sin = tables[-1]
+    even, odd = box @ cos, box @ sin  # the real part of the transform and minus the imaginary one
+    if dim == 1:
+        return even
+    for cos, sin in tables[-2:0:-1]:
+        even, odd = cos.T @ even - sin.T @ odd, sin.T @ even + cos.T @ odd
+    cos, sin = tables[0]
+    flat = (len(box), size, -1)
+    return (cos.T @ even.reshape(flat) - sin.T @ odd.reshape(flat)).reshape(len(box), -1, *even.shape[2:])
 
 
 def symbols(blocks: np.ndarray, offsets: np.ndarray, x: np.ndarray) -> np.ndarray:

@@ -19,7 +19,7 @@ from jaxtyping import Array, Float
 from ._checks import as_array, computed, deformation_gradient, is_concrete, on_device, require
 from ._memory import remember, value_key
 from ._xla import quick_jit
-from .bloch import block_at_center, homogeneous_tangent, modulus_at_rest, wave_phases
+from .bloch import StateTangent, block_at_center, homogeneous_tangent, modulus_at_rest, wave_phases
 from .cosine_series import reached, series, symbols
 from .force import check_model
 from .models.base import AbstractModel, PointStateModel, TwoStageModel
@@ -48,38 +48,39 @@ def _rings(model: AbstractModel) -> int:
 
 
 @quick_jit
-def _linearise(model: AbstractModel, fam: Family, F: Float[Array, "states dim dim"], count: Array) -> tuple:
-    """The series of the first `count` of F and of the resting state after them, and M."""
+def _linearise(model: AbstractModel, fam: Family, F: Float[Array, "states dim dim"], count: Array) -> Any:
+    """Of the first `count` deformations: the tangents of a point-state model, or the series of any other."""
     dim, bonds = fam.dim, len(fam.influence)
-    offsets = reached(dim, bonds, _rings(model))
-    every = jnp.concatenate([jnp.eye(dim, dtype=F.dtype)[None], F])
 
     def one(F):
         return series(homogeneous_tangent(model, fam, F), dim, bonds)
 
-    if isinstance(model, PointStateModel | TwoStageModel):
-        blocks = jax.vmap(one)(every)
-    else:  # a dense tangent takes long and much memory: one after the other, and no more than are asked for
-        blank = jnp.zeros((len(every), len(offsets), dim, dim), F.dtype)
-        blocks = jax.lax.fori_loop(0, count + 1, lambda i, out: out.at[i].set(one(every[i])), blank)
-    along = jnp.asarray(offsets[:, 0] ** 2, F.dtype)
-    return blocks[1:], jnp.sum(along * blocks[0, :, 0, 0]) * fam.spacing**2
+    if isinstance(model, PointStateModel) and model.even:
+        return jax.vmap(lambda F: homogeneous_tangent(model, fam, F))(F)
+    if isinstance(model, TwoStageModel):
+        return jax.vmap(one)(F)
+    # A dense tangent takes long and much memory: one after the other, and no more than are asked for.
+    blank = jnp.zeros((len(F), len(reached(dim, bonds, 2)), dim, dim), F.dtype)
+    return jax.lax.fori_loop(0, count, lambda i, out: out.at[i].set(one(F[i])), blank)
 
 
 def linearised(model: AbstractModel, fam: Family, F: np.ndarray) -> States:
     """The states F (states, dim, dim) of a concrete model on a concrete, checked family; up to STATES at once."""
-    dim, real = fam.dim, np.dtype(fam.xi.dtype)
+    dim, bonds, real = fam.dim, len(fam.influence), np.dtype(fam.xi.dtype)
     count = len(F)
-    padded = np.broadcast_to(np.eye(dim, dtype=real), (STATES, dim, dim)).copy()
-    padded[:count] = F
+    every = np.broadcast_to(np.eye(dim, dtype=real), (STATES + 1, dim, dim)).copy()  # the first stays the resting one
+    every[1 : count + 1] = F
 
     def make():
-        blocks, modulus = computed(_linearise, model, fam, padded, np.asarray(count))
-        offsets = reached(dim, len(fam.influence), _rings(model))
-        return States(blocks[:count], offsets, float(modulus), float(fam.spacing))
+        out = computed(_linearise, model, fam, every, np.asarray(count + 1))
+        if isinstance(out, StateTangent):
+            each = [StateTangent(*parts) for parts in zip(out.b, out.g, out.r, strict=True)][: count + 1]
+            out = np.stack([series(tangent, dim, bonds) for tangent in each])
+        offsets, h = reached(dim, bonds, _rings(model)), float(fam.spacing)
+        modulus = float(offsets[:, 0] ** 2 @ out[0, :, 0, 0]) * h**2
+        return States(out[1 : count + 1], offsets, modulus, h)
 
-    key = ("linearised", value_key(model), padded.tobytes(), count)
-    return remember(fam, key, make)
+    return remember(fam, ("linearised", value_key(model), every.tobytes(), count), make)
 
 
 def has_series(model: AbstractModel) -> bool:

@@ -20,6 +20,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
+from ._checks import namespace
+
 SYMMETRIES = ("cubic", "tetragonal", "orthorhombic", "inversion")
 
 
@@ -91,18 +93,19 @@ def directions(dim: int) -> np.ndarray:
 
 def largest_eigenvalue(A: list[list[Array]]) -> Array:
     """Closed-form λ_max of symmetric 1×1, 2×2, 3×3 blocks given as separate arrays: a screen, not a verdict."""
+    xp = namespace(A)
     if len(A) == 1:
         return A[0][0]
     if len(A) == 2:
         mean, half = (A[0][0] + A[1][1]) / 2, (A[0][0] - A[1][1]) / 2
-        return mean + jnp.sqrt(half**2 + A[0][1] ** 2)
+        return mean + xp.sqrt(half**2 + A[0][1] ** 2)
     mean = (A[0][0] + A[1][1] + A[2][2]) / 3
     a, b, c = A[0][0] - mean, A[1][1] - mean, A[2][2] - mean
     d, e, f = A[0][1], A[0][2], A[1][2]
-    p = jnp.sqrt((a**2 + b**2 + c**2 + 2 * (d**2 + e**2 + f**2)) / 6)
+    p = xp.sqrt((a**2 + b**2 + c**2 + 2 * (d**2 + e**2 + f**2)) / 6)
     det = a * (b * c - f**2) - d * (d * c - f * e) + e * (d * f - b * e)
-    cosine = jnp.clip(det / (2 * jnp.maximum(p**3, jnp.finfo(p.dtype).tiny)), -1, 1)  # a multiple of I: 0/tiny
-    return mean + 2 * p * jnp.cos(jnp.arccos(cosine) / 3)
+    cosine = xp.clip(det / (2 * xp.maximum(p**3, np.finfo(p.dtype).tiny)), -1, 1)  # a multiple of I: 0/tiny
+    return mean + 2 * p * xp.cos(xp.arccos(cosine) / 3)
 
 
 def top_pair(A: Float[Array, "dim dim"]) -> tuple[Array, Array]:
@@ -113,8 +116,9 @@ def top_pair(A: Float[Array, "dim dim"]) -> tuple[Array, Array]:
 
 def class_best(zone: Zone, screen: Float[Array, " waves"]) -> Int[Array, " classes"]:
     """The number of the best grid point of every class."""
-    best = jnp.argmax(screen[zone.members], axis=1)
-    return jnp.take_along_axis(jnp.asarray(zone.members), best[:, None], axis=1)[:, 0]
+    xp = namespace(screen)
+    best = xp.argmax(screen[zone.members], axis=1)
+    return xp.take_along_axis(xp.asarray(zone.members), best[:, None], axis=1)[:, 0]
 
 
 def nudge(dim: int, step: float) -> np.ndarray:

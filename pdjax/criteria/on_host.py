@@ -1,7 +1,9 @@
-"""The criteria of concrete models on concrete families: numbers from two small programs, the rest NumPy.
+"""The criteria of concrete models on concrete families: numbers from one small program, the rest NumPy.
 
-    linearised states (`pdjax.lattice_states`)  →  symbol: one search of the Brillouin zone for all models
+    linearised states (`pdjax.lattice_states`)  →  symbol: a search of the Brillouin zone
                                                 →  diagonal, block: sums of the same blocks
+
+The search of up to STATES states is NumPy. For maps, which have thousands, it is one program for all models.
 
 Every other criterion is one program of its own, for STATES states at once. Under a transformation the criteria are
 traced as they are (`pdjax.criteria.evaluate`).
@@ -16,35 +18,34 @@ import jax
 import numpy as np
 
 from .._checks import computed
-from .._xla import QUICK
 from ..cosine_series import packed, reached
 from ..lattice_states import STATES, States, check_at_rest, checked_states, has_series
 from ..models.base import AbstractModel, TwoStageModel
 from ..neighbours import Family
 from ..zone import Zone, brillouin_zone
 from .outcome import Outcome, margin_tolerance
-from .waves import Found, search
+from .waves import Found, search, search_few
 
 MANY = 64  # states that climb together where there are many of them
 
 
 @lru_cache(maxsize=64)
-def _search(dim: int, bonds: int, rings: int, intervals: int, symmetry: str, group: int | None) -> Any:
-    """The search as one program: its sizes are all it is made for."""
+def _search(dim: int, bonds: int, rings: int, intervals: int, symmetry: str) -> Any:
+    """The search of many states as one program: its sizes are all it is made for."""
     offsets, zone = reached(dim, bonds, rings), brillouin_zone(dim, intervals, symmetry)
-    program = partial(search, offsets=offsets, zone=zone, group=group)
-    return jax.jit(program, compiler_options=None if group else QUICK)
+    return jax.jit(partial(search, offsets=offsets, zone=zone, group=MANY))
 
 
 def searched(states: States, model: AbstractModel, fam: Family, zone: Zone) -> Found:
     """Where the searches of all states ended, in NumPy."""
-    scaled = np.asarray(packed(states.scaled), fam.xi.dtype)
+    scaled = packed(states.scaled).astype(fam.xi.dtype)
+    if len(scaled) <= STATES:
+        return search_few(scaled, states.offsets, zone)
     count = len(scaled)
-    size = -(-count // STATES) * STATES
-    padded = np.zeros((size, *scaled.shape[1:]), scaled.dtype)
+    padded = np.zeros((-(-count // MANY) * MANY, *scaled.shape[1:]), scaled.dtype)
     padded[:count] = scaled
-    rings, group = (3 if isinstance(model, TwoStageModel) else 2), (None if size == STATES else MANY)
-    program = _search(fam.dim, len(fam.influence), rings, zone.intervals, zone.symmetry, group)
+    rings = 3 if isinstance(model, TwoStageModel) else 2
+    program = _search(fam.dim, len(fam.influence), rings, zone.intervals, zone.symmetry)
     return Found(*(x[:count] for x in computed(program, padded, np.asarray(count))))
 
 

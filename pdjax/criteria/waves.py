@@ -17,6 +17,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
+from .._checks import namespace
 from ..bloch import Phases, homogeneous_tangent, long_wave_phases, modulus_at_rest, wave_phases
 from ..climb import climb
 from ..cosine_series import Forms, Series, entries, forms, on_grid, packed, reached, rings_of, series, upper
@@ -45,26 +46,25 @@ class Found(NamedTuple):
 def _screen(blocks: Float[Array, "offsets p"], offsets: np.ndarray, zone: Zone) -> tuple[Array, Array, Array]:
     """Of one state: starts (lanes, dim), Ĵ there (lanes, p), and the largest |quotient| on the grid. The starts are the
     best wave of every class, the best direction of the limit, and the wave of the largest eigenvalue."""
-    dim, real = offsets.shape[1], blocks.dtype
-    grid = jnp.asarray(zone.grid, real)
+    xp, dim, real = namespace(blocks), offsets.shape[1], blocks.dtype
+    grid, compass = zone.grid.astype(real), directions(dim).astype(real)
     values = on_grid(blocks, offsets, list(zone.axes)).reshape(blocks.shape[1], -1)[:, zone.places]
     top = largest_eigenvalue(entries(values, dim))
-    screen = top / jnp.sum(4 * jnp.sin(grid / 2) ** 2, axis=1)
-    compass = directions(dim)
+    screen = top / np.sum(4 * np.sin(grid / 2) ** 2, axis=1)
     rows, columns = np.triu_indices(dim)
-    pairs = compass[:, rows] * compass[:, columns] * np.where(rows == columns, 1, 2)
-    fourth = jnp.asarray(offsets[:, rows] * offsets[:, columns], real).T @ blocks
-    long = -(jnp.asarray(pairs, real) @ fourth)
-    way = jnp.argmax(largest_eigenvalue(entries(long.T, dim)))
-    waves = jnp.append(class_best(zone, screen), jnp.argmax(top))
-    starts = jnp.concatenate([grid[waves], jnp.asarray(compass, real)[way][None]])
-    return starts, jnp.concatenate([values[:, waves].T, long[way][None]]), jnp.max(jnp.abs(screen))
+    pairs = compass[:, rows] * compass[:, columns] * np.where(rows == columns, 1, 2).astype(real)
+    fourth = (offsets[:, rows] * offsets[:, columns]).astype(real).T @ blocks
+    long = -(pairs @ fourth)
+    way = xp.argmax(largest_eigenvalue(entries(long.T, dim)))
+    waves = xp.append(class_best(zone, screen), xp.argmax(top))
+    starts = xp.concatenate([xp.asarray(grid)[waves], xp.asarray(compass)[way][None]])
+    return starts, xp.concatenate([values[:, waves].T, long[way][None]]), xp.max(abs(screen))
 
 
 def search(
     blocks: Float[Array, "states offsets p"], count: Any, offsets: np.ndarray, zone: Zone, group: int | None = None
 ) -> Found:
-    """Search the zone of the first `count` states; the rest is padding, whose result means nothing.
+    """Search the zone of the first `count` states in one program; the rest is padding, whose result means nothing.
 
     blocks: the cosine series of every state in units of M/h² (`packed`); group: how many states climb together.
     """
@@ -73,7 +73,7 @@ def search(
 
     def one_group(i, found):
         some = jax.lax.dynamic_slice_in_dim(blocks, i * group, group)
-        new = _search_group(some, jnp.minimum(group, count - i * group), offsets, zone)
+        new = _climbed(some, _screened(some, jnp.minimum(group, count - i * group), offsets, zone), offsets, zone)
         return jax.tree.map(lambda x, y: jax.lax.dynamic_update_slice_in_dim(x, y, i * group, 0), found, new)
 
     vector, flag = jnp.zeros((states, dim), real), jnp.zeros(states, bool)
@@ -81,31 +81,43 @@ def search(
     return jax.lax.fori_loop(0, -(-count // group), one_group, blank)
 
 
-def _search_group(blocks: Float[Array, "states offsets p"], count: Any, offsets: np.ndarray, zone: Zone) -> Found:
-    """`search` of a few states, all starts of which climb in one batch."""
-    states, real, dim = blocks.shape[0], blocks.dtype, offsets.shape[1]
-    lanes = len(zone.members) + 2
-    bare, long = np.arange(lanes) == lanes - 2, np.arange(lanes) == lanes - 1
+def search_few(blocks: np.ndarray, offsets: np.ndarray, zone: Zone) -> Found:
+    """`search` of a few states in NumPy, which compiles nothing."""
+    with np.errstate(all="ignore"):  # what is not finite loses every comparison
+        each = [_screen(state, offsets, zone) for state in blocks]
+        starts, at, scale = (np.stack(parts) for parts in zip(*each, strict=True))
+        return _climbed(blocks, (starts, at, scale), offsets, zone)
 
-    def screened(i, made):
+
+def _screened(blocks: Float[Array, "states offsets p"], count: Any, offsets: np.ndarray, zone: Zone) -> tuple:
+    """`_screen` of the first `count` states, one after the other."""
+    (states, _, size), dim, lanes = blocks.shape, offsets.shape[1], len(zone.members) + 2
+
+    def one(i, made):
         return tuple(x.at[i].set(y) for x, y in zip(made, _screen(blocks[i], offsets, zone), strict=True))
 
-    blank = jnp.ones((states, lanes, dim), real), jnp.zeros((states, lanes, blocks.shape[2]), real)
-    starts, at, scale = jax.lax.fori_loop(0, count, screened, (*blank, jnp.zeros(states, real)))
+    blank = [jnp.ones((states, lanes, dim), blocks.dtype), jnp.zeros((states, lanes, size), blocks.dtype)]
+    return jax.lax.fori_loop(0, count, one, (*blank, jnp.zeros(states, blocks.dtype)))
+
+
+def _climbed(blocks: Any, screened: tuple, offsets: np.ndarray, zone: Zone) -> Found:
+    """The best of the starts of each state and of where they climb to, all in one batch."""
+    starts, at, scale = screened
+    xp, (states, lanes, dim), real = namespace(blocks), starts.shape, blocks.dtype
+    bare, long = np.arange(lanes) == lanes - 2, np.arange(lanes) == lanes - 1
     _, place = upper(dim)
-    values, vectors = jnp.linalg.eigh(at[..., place])
-    kappa2 = jnp.where(bare, 1.0, jnp.where(long[:, None], starts**2, 4 * jnp.sin(starts / 2) ** 2).sum(axis=-1))
+    finite = xp.isfinite(at).all(axis=-1)  # NumPy's eigh refuses NaN
+    values, vectors = xp.linalg.eigh(xp.where(finite[..., None], at, 0)[..., place])
+    kappa2 = xp.where(bare, 1.0, xp.where(long[:, None], starts**2, 4 * xp.sin(starts / 2) ** 2).sum(axis=-1))
+    at_start = xp.where(finite, values[..., -1] / kappa2, -xp.inf)
     sums = Series.of(blocks, offsets)
-    begin = starts + jnp.asarray(nudge(dim, zone.step), real)
+    begin = starts + nudge(dim, zone.step).astype(real)
     climbed = climb(lambda x: forms(sums, x, long, bare), begin, vectors[..., -1], zone.step)
-    x, v, q = (
-        jnp.concatenate(both, axis=1)
-        for both in zip((starts, vectors[..., -1], values[..., -1] / kappa2), climbed, strict=True)
-    )
-    q, bare = jnp.where(jnp.isnan(q), -jnp.inf, q), np.tile(bare, 2)
-    best, fast = (jnp.argmax(jnp.where(out, -jnp.inf, q), axis=1) for out in (bare, ~bare))
-    row = jnp.arange(states)
-    return Found(x[row, best], jnp.asarray(np.tile(long, 2))[best], v[row, best], x[row, fast], v[row, fast], scale)
+    x, v, q = (xp.concatenate(both, axis=1) for both in zip((starts, vectors[..., -1], at_start), climbed, strict=True))
+    q, bare = xp.where(xp.isnan(q), -xp.inf, q), np.tile(bare, 2)
+    best, fast = (xp.argmax(xp.where(out, -xp.inf, q), axis=1) for out in (bare, ~bare))
+    row = np.arange(states, dtype=np.int32)
+    return Found(x[row, best], xp.asarray(np.tile(long, 2))[best], v[row, best], x[row, fast], v[row, fast], scale)
 
 
 def _pick(condition, if_true: Phases, if_false: Phases) -> Phases:
