@@ -24,7 +24,7 @@ import scipy.sparse as sp
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array
 
-from ._xla import quick_jit
+from ._xla import QUICK, quick_jit
 from .force import split_model
 from .linearise import TwoStage, family_tangent, linearise_states, linearise_two_stage
 from .models.base import AbstractModel, PointStateModel, TwoStageModel
@@ -110,7 +110,7 @@ def _tangents(model: AbstractModel, fams: Families, u: Array, F: Array | None) -
     return _point_tangents(model, fams, fams.bonds(u, F))
 
 
-@quick_jit
+@quick_jit(QUICK)
 def _ring_blocks(model: PointStateModel, fams: Families, u: Array, F: Array | None) -> tuple[Array, ...]:
     """D, P and S of the module's text, each as its blocks on bonds (points, bonds, …) and on points (points, …)."""
     bonds = fams.bonds(u, F)

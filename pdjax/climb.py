@@ -13,10 +13,11 @@ Source: Levenberg 1944; Marquardt 1963.
 """
 
 from collections.abc import Callable
+from typing import Any
 
 import jax
 import numpy as np
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Bool, Float
 
 from ._checks import namespace
 from .cosine_series import Forms
@@ -26,7 +27,7 @@ SMALLEST, LARGEST = 1e-9, 1e9  # of the norm of H: the range of σ
 NOTHING = 1e-3  # a step that promises to raise the quotient by less than this × eps × the norm of H is the last
 
 
-def _gradient_and_hessian(f: Forms, v: Float[Array, "*lanes dim"]) -> tuple[Array, Array, Array]:
+def _gradient_and_hessian(f: Forms, v: Float[Any, "*lanes dim"]) -> tuple[Any, Any, Any]:
     """q, ∂q, ∂²q over (x, v) at a unit v."""
     xp = namespace(v)
     Av = xp.einsum("...ij,...j->...i", f.A, v)
@@ -52,7 +53,7 @@ def _gradient_and_hessian(f: Forms, v: Float[Array, "*lanes dim"]) -> tuple[Arra
     return q, xp.concatenate([gx, gv], axis=-1), xp.concatenate([top, bottom], axis=-2)
 
 
-def _solved(A: Float[Array, "*lanes n n"], b: Float[Array, "*lanes n"]) -> tuple[Array, Bool[Array, "*lanes"]]:
+def _solved(A: Float[Any, "*lanes n n"], b: Float[Any, "*lanes n"]) -> tuple[Any, Bool[Any, "*lanes"]]:
     """A⁻¹ b, and whether A is positive definite, by elimination without pivots (if not, the first means nothing)."""
     xp, n = namespace(A), A.shape[-1]
     M, unit, pivots = xp.concatenate([A, b[..., None]], axis=-1), np.eye(n), []
@@ -64,8 +65,8 @@ def _solved(A: Float[Array, "*lanes n n"], b: Float[Array, "*lanes n"]) -> tuple
 
 
 def climb(
-    evaluate: Callable[[Array], Forms], x: Float[Array, "*lanes dim"], v: Float[Array, "*lanes dim"], reach: float
-) -> tuple[Float[Array, "*lanes dim"], Float[Array, "*lanes dim"], Float[Array, "*lanes"]]:
+    evaluate: Callable[[Any], Forms], x: Float[Any, "*lanes dim"], v: Float[Any, "*lanes dim"], reach: float
+) -> tuple[Float[Any, "*lanes dim"], Float[Any, "*lanes dim"], Float[Any, "*lanes"]]:
     """The local maxima (x, unit v, quotient) that starts (x, unit v) climb to. No step moves x by more than `reach`.
 
     A start whose quotient is not finite stays where it is, with the quotient −inf.

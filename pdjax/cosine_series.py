@@ -16,6 +16,7 @@ on a grid fine enough for the highest harmonic, which is exact to rounding.
 c = (N·o)².
 """
 
+from collections.abc import Callable
 from functools import lru_cache
 from typing import Any, NamedTuple
 
@@ -94,30 +95,33 @@ def rings_of(tangent: Tangent) -> int:
     return 3 if isinstance(tangent, TwoStageTangent) else 2
 
 
-def series(tangent: Tangent, dim: int, bonds: int) -> Float[Array, "offsets dim dim"]:
+def series(tangent: Tangent, dim: int, bonds: int) -> Float[Any, "offsets dim dim"]:
     """B of the module's text [force/length^(dim+1)] for one state of a lattice family of `bonds` bonds."""
     if isinstance(tangent, TwoStageTangent):
         return _by_transform(tangent, dim, bonds)
-    xp = namespace(tangent)
     if isinstance(tangent, StateTangent):
-        own = tangent.b
-        plus = xp.tensordot(tangent.g, tangent.r, axes=(2, 1)).transpose(0, 2, 1, 3) / 4
-        minus = -plus
-    else:
-        assert isinstance(tangent, DenseTangent)
-        even, odd = (x.transpose(0, 2, 1, 3) / 4 for x in (tangent.even, tangent.odd))
-        own = 2 * (even.sum(axis=0) + even.sum(axis=1))
-        plus, minus = odd - even, -odd - even
+        return series_of_state(tangent.b, tangent.g, tangent.r)
+    assert isinstance(tangent, DenseTangent)
+    even, odd = (x.transpose(0, 2, 1, 3) / 4 for x in (tangent.even, tangent.odd))
+    return _sums(2 * (even.sum(axis=0) + even.sum(axis=1)), odd - even, -odd - even)
+
+
+def series_of_state(b: Any, g: Any, r: Any) -> Any:
+    """`series` of the parts of a `StateTangent`, in NumPy if they are known."""
+    plus = namespace(b).tensordot(g, r, axes=(2, 1)).transpose(0, 2, 1, 3) / 4
+    return _sums(b, plus, -plus)
+
+
+def _sums(own: Any, plus: Any, minus: Any) -> Any:
+    """The sum of the terms of every offset: of own bonds (half, dim, dim), of sums and of differences of two
+    (half, half, dim, dim)."""
+    xp, (half, dim, _) = namespace(own), own.shape
+    f = fold(dim, 2 * half)
     terms = xp.concatenate([own, plus.reshape(-1, dim, dim), minus.reshape(-1, dim, dim)])
-    return _sums(terms, fold(dim, bonds))
-
-
-def _sums(terms: Array, f: Fold) -> Array:
-    """The sum of the terms (own, plus, minus) of every offset."""
-    if isinstance(terms, np.ndarray):
+    if xp is np:
         return np.add.reduceat(terms[f.order], f.first)[:-1]
     place = np.concatenate([f.own, f.plus, f.minus])
-    return jnp.zeros((len(f.first), *terms.shape[1:]), terms.dtype).at[place].add(terms)[:-1]
+    return jnp.zeros((len(f.first), dim, dim), terms.dtype).at[place].add(terms)[:-1]
 
 
 def _by_transform(tangent: TwoStageTangent, dim: int, bonds: int) -> Float[Array, "offsets dim dim"]:
@@ -135,12 +139,12 @@ def _by_transform(tangent: TwoStageTangent, dim: int, bonds: int) -> Float[Array
 class Forms(NamedTuple):
     """A symmetric matrix function A(x) and a scale κ²(x), each with its first and second derivatives in x."""
 
-    A: Float[Array, "*lanes dim dim"]
-    A1: Float[Array, "*lanes dim dim dim"]
-    A2: Float[Array, "*lanes dim dim dim dim"]
-    scale: Float[Array, "*lanes"]
-    scale1: Float[Array, "*lanes dim"]
-    scale2: Float[Array, "*lanes dim dim"]
+    A: Float[Any, "*lanes dim dim"]
+    A1: Float[Any, "*lanes dim dim dim"]
+    A2: Float[Any, "*lanes dim dim dim dim"]
+    scale: Float[Any, "*lanes"]
+    scale1: Float[Any, "*lanes dim"]
+    scale2: Float[Any, "*lanes dim dim"]
 
 
 @lru_cache(maxsize=4)
@@ -158,7 +162,7 @@ def packed(blocks: Any) -> Any:
     return (blocks[..., rows, columns] + blocks[..., columns, rows]) / 2
 
 
-def entries(values: Float[Array, "p *waves"], dim: int) -> list[list[Array]]:
+def entries(values: Float[Any, "p *waves"], dim: int) -> list[list[Any]]:
     """The entries of packed matrices as a matrix of arrays."""
     _, place = upper(dim)
     return [[values[place[i, j]] for j in range(dim)] for i in range(dim)]
@@ -167,9 +171,9 @@ def entries(values: Float[Array, "p *waves"], dim: int) -> list[list[Array]]:
 class Series(NamedTuple):
     """What `forms` sums for many states at once: B, o B and o o B (upper triangles), and the offsets."""
 
-    zeroth: Float[Array, "states offsets p"]
-    first: Float[Array, "states offsets dim_p"]
-    second: Float[Array, "states offsets p_p"]
+    zeroth: Float[Any, "states offsets p"]
+    first: Float[Any, "states offsets dim_p"]
+    second: Float[Any, "states offsets p_p"]
     offsets: Any
 
     @staticmethod
@@ -201,7 +205,7 @@ def forms(s: Series, x: Any, long: np.ndarray, bare: np.ndarray) -> Forms:
     return Forms(A, A1, A2, *_laplacian(x, far, bare[:, None]))
 
 
-def _laplacian(x: Array, far: np.ndarray, bare: np.ndarray) -> tuple[Array, Array, Array]:
+def _laplacian(x: Any, far: np.ndarray, bare: np.ndarray) -> tuple[Any, Any, Any]:
     xp = namespace(x)
     eye = xp.eye(x.shape[-1], dtype=x.dtype)
     each = xp.where(far, x**2, 4 * xp.sin(x / 2) ** 2)
@@ -211,7 +215,7 @@ def _laplacian(x: Array, far: np.ndarray, bare: np.ndarray) -> tuple[Array, Arra
     return value, xp.where(bare, 0.0, slope), xp.where(bare, 0.0, curvature)[..., None] * eye
 
 
-def on_grid(blocks: Float[Array, "offsets p"], offsets: np.ndarray, axes: list[np.ndarray]) -> Float[Array, "p *grid"]:
+def on_grid(blocks: Float[Any, "offsets p"], offsets: np.ndarray, axes: list[np.ndarray]) -> Float[Any, "p *grid"]:
     """Ĵ (entries of `blocks`) on the grid of wave vectors with the components `axes` [1/spacing], axis by axis.
 
     The sum over offsets is a product of one matrix for each axis: its cost doesn't grow as grid × offsets.
@@ -240,8 +244,19 @@ def on_grid(blocks: Float[Array, "offsets p"], offsets: np.ndarray, axes: list[n
 
 
 def symbols(blocks: np.ndarray, offsets: np.ndarray, x: np.ndarray) -> np.ndarray:
-    """Ĵ (..., dim, dim) of concrete blocks at x = h k (..., dim), in NumPy; a few thousand waves at once."""
+    """Ĵ (..., dim, dim) of concrete blocks at x = h k (..., dim), in NumPy."""
+    return _summed(lambda part: -4 * np.sin(part @ offsets.T / 2) ** 2, blocks, x)
+
+
+def symbol_slopes(blocks: np.ndarray, offsets: np.ndarray, x: np.ndarray) -> np.ndarray:
+    """∂Ĵ/∂x (..., dim, dim, dim of x) of concrete blocks at x = h k (..., dim), in NumPy."""
+    outer = blocks[..., None] * offsets[:, None, None, :]
+    return _summed(lambda part: -2 * np.sin(part @ offsets.T), outer, x)
+
+
+def _summed(factor: Callable, terms: np.ndarray, x: np.ndarray) -> np.ndarray:
+    """Σ_o factor_o(x) terms_o, a few thousand waves at once."""
     dim = x.shape[-1]
     parts = np.array_split(x.reshape(-1, dim), max(1, x.size // (dim * 4096)))
-    values = [-np.tensordot(4 * np.sin(part @ offsets.T / 2) ** 2, blocks, axes=(-1, 0)) for part in parts]
-    return np.concatenate(values).reshape(*x.shape[:-1], *blocks.shape[1:])
+    values = [np.tensordot(factor(part), terms, axes=(-1, 0)) for part in parts]
+    return np.concatenate(values).reshape(*x.shape[:-1], *terms.shape[1:])

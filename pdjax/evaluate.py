@@ -23,7 +23,7 @@ from jaxtyping import Array, Float
 from ._checks import choice, deformation_gradient, inside_jit, is_concrete
 from ._dependence import known_part
 from ._memory import remember, value_key
-from ._xla import quick_jit
+from ._xla import QUICK, quick_jit
 from .force import check_model, point_field, split_model, whole_force
 from .models.base import AbstractModel, PointStateModel
 from .neighbours import Families
@@ -149,7 +149,7 @@ def _force(model: AbstractModel, prepared: Any, u: Array, F: Array | None) -> Fl
 
 _evaluate = eqx.filter_jit(_force)
 # transforms run as fast without fusion emitters (8.0 against 7.8 ms for 24³ points), slices take up to twice as long
-_evaluate_by_fft = quick_jit(_force)
+_evaluate_by_fft = quick_jit(QUICK)(_force)
 
 
 def _walk(fams: Families, way: str) -> Walk:

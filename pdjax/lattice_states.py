@@ -8,6 +8,7 @@ The program takes STATES deformations at once and the resting state beside them.
 with the family.
 """
 
+import itertools
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -18,9 +19,9 @@ from jaxtyping import Array, Float
 
 from ._checks import as_array, computed, deformation_gradient, is_concrete, on_device, require
 from ._memory import remember, value_key
-from ._xla import quick_jit
+from ._xla import ONCE, quick_jit
 from .bloch import StateTangent, block_at_center, homogeneous_tangent, modulus_at_rest, wave_phases
-from .cosine_series import reached, series, symbols
+from .cosine_series import reached, series, series_of_state, symbols
 from .force import check_model
 from .models.base import AbstractModel, PointStateModel, TwoStageModel
 from .neighbours import Family
@@ -47,7 +48,7 @@ def _rings(model: AbstractModel) -> int:
     return 3 if isinstance(model, TwoStageModel) else 2
 
 
-@quick_jit
+@quick_jit(ONCE)
 def _linearise(model: AbstractModel, fam: Family, F: Float[Array, "states dim dim"], count: Array) -> Any:
     """Of the first `count` deformations: the tangents of a point-state model, or the series of any other."""
     dim, bonds = fam.dim, len(fam.influence)
@@ -74,8 +75,8 @@ def linearised(model: AbstractModel, fam: Family, F: np.ndarray) -> States:
     def make():
         out = computed(_linearise, model, fam, every, np.asarray(count + 1))
         if isinstance(out, StateTangent):
-            each = [StateTangent(*parts) for parts in zip(out.b, out.g, out.r, strict=True)][: count + 1]
-            out = np.stack([series(tangent, dim, bonds) for tangent in each])
+            each = zip(out.b, out.g, out.r, strict=True)
+            out = np.stack([series_of_state(*parts) for parts in itertools.islice(each, count + 1)])
         offsets, h = reached(dim, bonds, _rings(model)), float(fam.spacing)
         modulus = float(offsets[:, 0] ** 2 @ out[0, :, 0, 0]) * h**2
         return States(out[1 : count + 1], offsets, modulus, h)

@@ -17,7 +17,10 @@ from .neighbours import EACH_BOND, Bonds
 
 
 class LowRank(NamedTuple):
-    """∂T_b/∂η_c = δ_bc B_b + G_b R_c of one family; `there` is the part of G by the far end's state."""
+    """∂T_b/∂η_c = δ_bc B_b + G_b R_c of one family; `there` is the part of G by the far end's state.
+
+    R is the derivative of the state, or of the sums that the state is made of: they are fewer.
+    """
 
     B: Float[Array, "bonds dim dim"]
     G: Float[Array, "bonds dim rank"]
@@ -25,16 +28,22 @@ class LowRank(NamedTuple):
     there: Float[Array, "bonds dim rank"]
 
 
-def _state_and_slope(model: PointStateModel, bonds: Bonds) -> tuple[Array, Callable, Float[Array, "rank bonds dim"]]:
-    """The state (raveled) with its unravel function, and R = ∂A/∂η.
+class _Slope(NamedTuple):
+    """The state (raveled) with its unravel function, and ∂A/∂η = outer R; outer None stands for the identity."""
 
-    Where the state is made of sums of what single bonds give, R is the chain rule: ∂A/∂sums times ∂moments/∂η of each
-    bond, which is a smaller program than a reverse pass through everything.
-    """
+    state: Array
+    unravel: Callable
+    outer: Float[Array, "rank sums"] | None
+    R: Float[Array, "sums bonds dim"]
+
+
+def _slope_of_state(model: PointStateModel, bonds: Bonds) -> _Slope:
+    """Where the state is made of sums of what single bonds give, by the chain rule: ∂A/∂sums times ∂moments/∂η of each
+    bond, which is a smaller program than a reverse pass through everything."""
     if not model.by_moments:
         state, unravel = ravel_pytree(model.point_state(bonds))
         R = jax.jacrev(lambda eta: ravel_pytree(model.point_state(bonds._replace(eta=eta)))[0])(bonds.eta)
-        return state, unravel, R
+        return _Slope(state, unravel, None, R)
 
     def moments(eta, bond):
         reference, deformed = model.moments(bond._replace(eta=eta))
@@ -49,8 +58,8 @@ def _state_and_slope(model: PointStateModel, bonds: Bonds) -> tuple[Array, Calla
         state = model.state(Sums(reference, structure(total), bonds.horizon, bonds.xi.shape[-1]))
         return ravel_pytree(state)[0], state
 
-    slope, state = jax.jacfwd(state_of, has_aux=True)(total)
-    return *ravel_pytree(state), jnp.einsum("rq,bqd->rbd", slope, slopes)
+    outer, state = jax.jacfwd(state_of, has_aux=True)(total)
+    return _Slope(*ravel_pytree(state), outer, jnp.moveaxis(slopes, 1, 0))
 
 
 def linearise_states(model: PointStateModel, bonds: Bonds, there=None, first: int | None = None) -> LowRank:
@@ -59,7 +68,7 @@ def linearise_states(model: PointStateModel, bonds: Bonds, there=None, first: in
     `there` holds the states at the far ends, (bonds, rank) raveled; None: equal to this point's (homogeneous).
     `first`: only for that many leading bonds (a centro-symmetric family needs but its half).
     """
-    state, unravel, R = _state_and_slope(model, bonds)
+    state, unravel, outer, R = _slope_of_state(model, bonds)
     far = jnp.broadcast_to(state, (bonds.eta.shape[0], state.shape[0])) if there is None else there
     R, far = R[:, :first], far[:first]
     bonds = jax.tree.map(lambda x: x[:first] if x.ndim else x, bonds)  # δ is no array of bonds
@@ -70,7 +79,10 @@ def linearise_states(model: PointStateModel, bonds: Bonds, there=None, first: in
     ends = (0, 1, 2) if model.needs_other_end else (0, 1)
     slopes = jax.vmap(jax.jacfwd(one, ends), (0, None, 0, EACH_BOND))(bonds.eta, state, far, bonds)
     B, G = slopes[:2]
-    return LowRank(B, G, R, slopes[2] if model.needs_other_end else jnp.zeros_like(G))
+    if model.needs_other_end:  # at a far end other sums make the state
+        return LowRank(B, G, R if outer is None else jnp.einsum("rq,qbd->rbd", outer, R), slopes[2])
+    G = G if outer is None else G @ outer
+    return LowRank(B, G, R, jnp.zeros_like(G))
 
 
 class TwoStage(NamedTuple):

@@ -1,7 +1,7 @@
 """Dispersion: the frequencies of plane waves on the deformed infinite lattice, from its symbol.
 
     Ĵ(k) e = λ e,   ω² = −λ/ρ:   λ < 0 a wave of frequency ω, λ > 0 a mode that grows at √(λ/ρ)
-    ∂ω/∂k = −eᵀ (∂Ĵ/∂k) e / (2ρω)                               (group velocity, ∂Ĵ/∂k by autodiff)
+    ∂ω/∂k = −eᵀ (∂Ĵ/∂k) e / (2ρω)                               (group velocity)
 
 The classical line is that of the law itself, ω² = |k|² eig Q(n)/ρ with the acoustic tensor Q of ψ(F):
 `classical_frequency`. A zero-energy mode is a wave, k ≠ 0, whose λ vanishes to rounding beside the law's M κ².
@@ -15,10 +15,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from ._checks import as_real, deformation_gradient, is_concrete, namespace, require
+from ._checks import as_real, deformation_gradient, is_concrete, namespace, on_device, require
 from .bloch import homogeneous_tangent, modulus_at_rest, wave_phases
+from .cosine_series import symbol_slopes, symbols
 from .criteria.outcome import margin_tolerance
 from .force import check_model
+from .lattice_states import checked_states, has_series
 from .models.base import AbstractModel
 from .neighbours import Family
 
@@ -49,22 +51,35 @@ def _dispersion(model: AbstractModel, fam: Family, F: Array, k: Array, density: 
         return tangent(wave_phases(fam, k))
 
     J, slope = jax.vmap(one)(k), jax.vmap(jax.jacfwd(one))(k)  # (waves, dim, dim), (waves, dim, dim, dim of k)
-    value, mode = jnp.linalg.eigh((J + J.mT) / 2)
+    return Dispersion(*_branches(k, J, slope, modulus_at_rest(model, fam) * wave_phases(fam, k).kappa2, density))
+
+
+def _branches(k: Any, J: Any, slope: Any, scale: Any, density: Any) -> tuple:
+    """The fields of `Dispersion` from Ĵ, ∂Ĵ/∂k and M κ², which is 0 at k = 0."""
+    xp = namespace(J, density)
+    value, mode = xp.linalg.eigh((J + J.mT) / 2)
     value, mode = value[:, ::-1], mode[:, :, ::-1]
-    kappa2 = wave_phases(fam, k).kappa2
-    scale = modulus_at_rest(model, fam) * kappa2[:, None]
-    still = jnp.abs(value) <= margin_tolerance(value.dtype) * scale
-    square = jnp.where(still, 0.0, -value / density)
+    still = abs(value) <= margin_tolerance(value.dtype) * scale[:, None]
+    square = xp.where(still, 0.0, -value / density)
 
     def root(x):
-        return jnp.where(x > 0, jnp.sqrt(jnp.where(x > 0, x, 1.0)), 0.0)
+        return xp.where(x > 0, xp.sqrt(xp.where(x > 0, x, 1.0)), 0.0)
 
     frequency = root(square)
-    slope = jnp.einsum("wib,wijc,wjb->wbc", mode, slope, mode)
+    slope = xp.einsum("wib,wijc,wjb->wbc", mode, slope, mode)
     moves = (frequency > 0) & ~still
-    group = -slope / (2 * density * jnp.where(moves, frequency, jnp.nan))[..., None]
-    zero = still & (kappa2[:, None] > 0)
-    return Dispersion(k, value, frequency, root(-square), mode, group, zero)
+    group = -slope / (2 * density * xp.where(moves, frequency, xp.nan))[..., None]
+    return k, value, frequency, root(-square), mode, group, still & (scale[:, None] > 0)
+
+
+def _from_series(model: AbstractModel, fam: Family, F: np.ndarray, k: np.ndarray, density: np.ndarray) -> Dispersion:
+    """`_dispersion` of values that are known, in NumPy but for the linearisation."""
+    states = checked_states(model, fam, F[None])
+    h, blocks = states.spacing, states.blocks[0]
+    J, slope = (f(blocks, states.offsets, h * k) for f in (symbols, symbol_slopes))
+    kappa2 = np.sum((2 / h * np.sin(k * h / 2)) ** 2, axis=-1)
+    *found, zero = _branches(k, J, h * slope, states.modulus * kappa2, density)
+    return Dispersion(*on_device((*(np.ascontiguousarray(x, fam.xi.dtype) for x in found), zero)))  # type: ignore[call-arg]
 
 
 def _waves(k, dim: int, dtype) -> Any:
@@ -92,7 +107,10 @@ def dispersion(model: AbstractModel, fam: Family, F, k, density=1.0) -> Dispersi
     if not model.hyperelastic:
         raise ValueError(f"{type(model).__name__} has no energy: its symbol need not be symmetric; use pdjax.symbol")
     F = deformation_gradient(F, fam.dim)
-    return _dispersion(model, fam, F, _waves(k, fam.dim, F.dtype), _positive(density, F.dtype))
+    k, density = _waves(k, fam.dim, F.dtype), _positive(density, F.dtype)
+    if is_concrete(model, fam, F, k, density) and has_series(model):
+        return _from_series(model, fam, np.asarray(F), k, density)
+    return _dispersion(model, fam, F, k, density)
 
 
 @eqx.filter_jit

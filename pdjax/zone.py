@@ -14,7 +14,7 @@ The limit k → 0 is searched the same way over directions.
 """
 
 from functools import lru_cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
@@ -91,7 +91,7 @@ def directions(dim: int) -> np.ndarray:
     return near / np.linalg.norm(near, axis=1, keepdims=True)
 
 
-def largest_eigenvalue(A: list[list[Array]]) -> Array:
+def largest_eigenvalue(A: list[list[Any]]) -> Any:
     """Closed-form λ_max of symmetric 1×1, 2×2, 3×3 blocks given as separate arrays: a screen, not a verdict."""
     xp = namespace(A)
     if len(A) == 1:
@@ -114,7 +114,7 @@ def top_pair(A: Float[Array, "dim dim"]) -> tuple[Array, Array]:
     return values[-1], vectors[:, -1]
 
 
-def class_best(zone: Zone, screen: Float[Array, " waves"]) -> Int[Array, " classes"]:
+def class_best(zone: Zone, screen: Float[Any, " waves"]) -> Int[Any, " classes"]:
     """The number of the best grid point of every class."""
     xp = namespace(screen)
     best = xp.argmax(screen[zone.members], axis=1)

@@ -20,7 +20,7 @@ import pdjax as pd
 from pdjax.force import check_model, each_point
 from pdjax.models.base import Sums
 from pdjax.models.control import SillingControl, WanControl
-from pdjax.models.with_law import moduli_at_rest
+from pdjax.models.with_law import tangent_at_rest
 
 CLOUD, POINTS = bodies.families(2, "cloud"), bodies.points(2, "cloud")
 U = bodies.displacement(2, "cloud", 70)
@@ -138,12 +138,12 @@ def test_lengths_cancel_in_the_controls(name):
 def equal_g(dim, N):
     """The g at which Silling's control is Wan's on a lattice family with ω = 1."""
     bonds = pd.lattice_family(dim, N).bonds(jnp.eye(dim))
-    moduli = moduli_at_rest(LINEAR, dim, float)
+    tangent = tangent_at_rest(LINEAR, dim, float)
     K = pd.shape_tensor_K(bonds)
     sums = Sums(K, jnp.zeros_like(K), bonds.horizon, len(K))
-    C1 = WanControl().state(sums, moduli)[1]
+    C1 = WanControl().state(sums, tangent)[1]
     assert worst(C1, C1[0, 0] * np.eye(dim)) / C1[0, 0] < 1e-14  # 0
-    return float(C1[0, 0] / SillingControl(1.0).state(sums, moduli)[1])
+    return float(C1[0, 0] / SillingControl(1.0).state(sums, tangent)[1])
 
 
 @pytest.mark.parametrize(

@@ -35,15 +35,15 @@ class Found(NamedTuple):
     """Where searches of many states ended: the wave x [1/spacing] (or the direction of the limit k → 0) and the mode
     of the largest quotient, those of the largest eigenvalue, and the largest |quotient| on the grid."""
 
-    x: Float[Array, "states dim"]
-    is_long: Bool[Array, " states"]
-    mode: Float[Array, "states dim"]
-    fast_x: Float[Array, "states dim"]
-    fast_mode: Float[Array, "states dim"]
-    scale: Float[Array, " states"]
+    x: Float[Any, "states dim"]
+    is_long: Bool[Any, " states"]
+    mode: Float[Any, "states dim"]
+    fast_x: Float[Any, "states dim"]
+    fast_mode: Float[Any, "states dim"]
+    scale: Float[Any, " states"]
 
 
-def _screen(blocks: Float[Array, "offsets p"], offsets: np.ndarray, zone: Zone) -> tuple[Array, Array, Array]:
+def _screen(blocks: Float[Any, "offsets p"], offsets: np.ndarray, zone: Zone) -> tuple[Any, Any, Any]:
     """Of one state: starts (lanes, dim), Ĵ there (lanes, p), and the largest |quotient| on the grid. The starts are the
     best wave of every class, the best direction of the limit, and the wave of the largest eigenvalue."""
     xp, dim, real = namespace(blocks), offsets.shape[1], blocks.dtype
@@ -62,7 +62,7 @@ def _screen(blocks: Float[Array, "offsets p"], offsets: np.ndarray, zone: Zone) 
 
 
 def search(
-    blocks: Float[Array, "states offsets p"], count: Any, offsets: np.ndarray, zone: Zone, group: int | None = None
+    blocks: Float[Any, "states offsets p"], count: Any, offsets: np.ndarray, zone: Zone, group: int | None = None
 ) -> Found:
     """Search the zone of the first `count` states in one program; the rest is padding, whose result means nothing.
 
@@ -89,7 +89,7 @@ def search_few(blocks: np.ndarray, offsets: np.ndarray, zone: Zone) -> Found:
         return _climbed(blocks, (starts, at, scale), offsets, zone)
 
 
-def _screened(blocks: Float[Array, "states offsets p"], count: Any, offsets: np.ndarray, zone: Zone) -> tuple:
+def _screened(blocks: Float[Any, "states offsets p"], count: Any, offsets: np.ndarray, zone: Zone) -> tuple:
     """`_screen` of the first `count` states, one after the other."""
     (states, _, size), dim, lanes = blocks.shape, offsets.shape[1], len(zone.members) + 2
 

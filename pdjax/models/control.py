@@ -15,16 +15,20 @@ Sources: Silling 2017; Wan et al. 2019; Littlewood 2010.
 """
 
 import math
+from collections.abc import Callable
 from typing import Any, ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from .._checks import as_real, namespace, on_host, require
 from ..kinematics import displacement_gradient, gradient_of_moments, shape_tensor_K, solve_positive
 from ..neighbours import Bonds
 from .base import Sums
+
+Tangent = Callable[[Any], Float[Array, "dim dim"]]
 
 
 def micromodulus(bulk, horizon, dim: int):
@@ -35,9 +39,10 @@ def micromodulus(bulk, horizon, dim: int):
     return bulk * {3: 18 / math.pi, 2: 12 / math.pi, 1: 2.0}[dim] / horizon ** (dim + 1)
 
 
-def bulk_modulus(moduli: Float[Array, "dim dim dim dim"]) -> Float[Array, ""]:
+def bulk_modulus(tangent: Tangent, dim: int, dtype: Any) -> Float[Array, ""]:
     """k = ℂ_iijj/d² [pressure], the d-dimensional bulk modulus of a law's tangent at rest."""
-    return jnp.einsum("iijj->", moduli) / moduli.shape[0] ** 2
+    I = np.eye(dim, dtype=dtype)
+    return jnp.tensordot(I, tangent(I), 2) / dim**2
 
 
 def _positive(name: str, value: Any) -> Array:
@@ -48,20 +53,20 @@ def _positive(name: str, value: Any) -> Array:
 
 class Control(eqx.Module):
     """What opposes z. `state` is what a point sends along its bonds, made from K and M of its family (the two trees of
-    `sums`) and the law's tangent ℂ; the force is linear in it."""
+    `sums`) and the law's tangent at rest, A → ℂ:A; the force is linear in it."""
 
     hyperelastic: ClassVar[bool] = True
     objective: ClassVar[bool] = True
     degree: ClassVar[int] = 1
 
-    def state(self, sums: Sums, moduli: Float[Array, "dim dim dim dim"]) -> Any:
+    def state(self, sums: Sums, tangent: Tangent) -> Any:
         raise NotImplementedError
 
     def force(self, state: Any, bond: Bonds) -> Float[Array, " dim"]:
         """What T gains on one bond [force/length^(2 dim)]."""
         raise NotImplementedError
 
-    def energy(self, bonds: Bonds, moduli: Float[Array, "dim dim dim dim"]) -> Float[Array, ""]:
+    def energy(self, bonds: Bonds, tangent: Tangent) -> Float[Array, ""]:
         """What W gains [energy/length^dim]."""
         raise ValueError(f"{type(self).__name__} is not the derivative of an energy")
 
@@ -75,25 +80,25 @@ class SillingControl(Control):
 
     g: Float[Array, "..."] = eqx.field(converter=lambda g: _positive("g", g), default=0.5)
 
-    def _stiffness(self, horizon: Array, moduli) -> Array:
-        return self.g * micromodulus(bulk_modulus(moduli), horizon, len(moduli)) / horizon
+    def _stiffness(self, horizon: Array, tangent: Tangent, dim: int) -> Array:
+        return self.g * micromodulus(bulk_modulus(tangent, dim, horizon.dtype), horizon, dim) / horizon
 
-    def state(self, sums: Sums, moduli: Float[Array, "dim dim dim dim"]) -> Any:
-        stiffness = self._stiffness(sums.horizon, moduli)
+    def state(self, sums: Sums, tangent: Tangent) -> Any:
+        stiffness = self._stiffness(sums.horizon, tangent, sums.dim)
         return stiffness * gradient_of_moments(sums.reference, sums.deformed), stiffness
 
     def force(self, state: Any, bond: Bonds) -> Float[Array, " dim"]:
         pull, stiffness = state
         return bond.omega * (stiffness * bond.eta - pull @ bond.xi)
 
-    def energy(self, bonds: Bonds, moduli: Float[Array, "dim dim dim dim"]) -> Float[Array, ""]:
+    def energy(self, bonds: Bonds, tangent: Tangent) -> Float[Array, ""]:
         z = _deviation(displacement_gradient(bonds), bonds)
-        return 0.5 * self._stiffness(bonds.horizon, moduli) * jnp.sum((bonds.omega * bonds.volume)[:, None] * z**2)
+        stiffness = self._stiffness(bonds.horizon, tangent, bonds.xi.shape[-1])
+        return 0.5 * stiffness * jnp.sum((bonds.omega * bonds.volume)[:, None] * z**2)
 
 
-def _stiffness_of_wan(K: Float[Array, "dim dim"], moduli) -> Float[Array, "dim dim"]:
-    inverse = solve_positive(K, jnp.eye(len(K), dtype=K.dtype))
-    return jnp.einsum("ijkl,kl->ij", moduli, inverse)
+def _stiffness_of_wan(K: Float[Array, "dim dim"], tangent: Tangent) -> Float[Array, "dim dim"]:
+    return tangent(solve_positive(K, jnp.eye(len(K), dtype=K.dtype)))
 
 
 class WanControl(Control):
@@ -101,17 +106,17 @@ class WanControl(Control):
 
     objective: ClassVar[bool] = False
 
-    def state(self, sums: Sums, moduli: Float[Array, "dim dim dim dim"]) -> Any:
-        stiffness = _stiffness_of_wan(sums.reference, moduli)
+    def state(self, sums: Sums, tangent: Tangent) -> Any:
+        stiffness = _stiffness_of_wan(sums.reference, tangent)
         return stiffness @ gradient_of_moments(sums.reference, sums.deformed), stiffness
 
     def force(self, state: Any, bond: Bonds) -> Float[Array, " dim"]:
         pull, stiffness = state
         return bond.omega * (stiffness @ bond.eta - pull @ bond.xi)
 
-    def energy(self, bonds: Bonds, moduli: Float[Array, "dim dim dim dim"]) -> Float[Array, ""]:
+    def energy(self, bonds: Bonds, tangent: Tangent) -> Float[Array, ""]:
         z = _deviation(displacement_gradient(bonds), bonds)
-        stiffness = _stiffness_of_wan(shape_tensor_K(bonds), moduli)
+        stiffness = _stiffness_of_wan(shape_tensor_K(bonds), tangent)
         return 0.5 * jnp.einsum("b,bi,ij,bj->", bonds.omega * bonds.volume, z, stiffness, z)
 
 
@@ -122,8 +127,8 @@ class LittlewoodControl(Control):
     degree: ClassVar[int] = 0
     hyperelastic: ClassVar[bool] = False
 
-    def state(self, sums: Sums, moduli: Float[Array, "dim dim dim dim"]) -> Any:
-        strength = self.C * micromodulus(bulk_modulus(moduli), sums.horizon, sums.dim)
+    def state(self, sums: Sums, tangent: Tangent) -> Any:
+        strength = self.C * micromodulus(bulk_modulus(tangent, sums.dim, sums.horizon.dtype), sums.horizon, sums.dim)
         return strength * gradient_of_moments(sums.reference, sums.deformed), strength
 
     def force(self, state: Any, bond: Bonds) -> Float[Array, " dim"]:

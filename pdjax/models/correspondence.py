@@ -32,6 +32,7 @@ class Correspondence(WithLaw):
     law: Law
     control: Control | None = None
     affine_exact: ClassVar[bool] = True
+    by_gradient: ClassVar[bool] = True
 
     @property
     def degree(self) -> int:  # type: ignore[override]

@@ -11,9 +11,10 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..kinematics import gradient_moments
-from ..laws import Law
+from ..laws import Law, law_stress
 from ..neighbours import Bonds
 from .base import PointStateModel, Sums
+from .control import Tangent
 
 
 def check_law(name: str, law: Any) -> None:
@@ -22,28 +23,38 @@ def check_law(name: str, law: Any) -> None:
         raise ValueError(f"{name} needs a Law (LinearElastic, NeoHookean, EnergyLaw); got {law!r}")
 
 
+def _green_lagrange(H: Float[Array, "dim dim"]) -> Float[Array, "dim dim"]:
+    return (H + H.T + H.T @ H) / 2
+
+
 def energy_of_gradient(law: Law, H: Float[Array, "dim dim"]) -> Float[Array, ""]:
     """ψ of F = I + H: a law in F as it is, a law in E fed the Green–Lagrange strain."""
     if law.takes == "E":
-        return law.energy((H + H.T + H.T @ H) / 2)
+        return law.energy(_green_lagrange(H))
     return law.energy(jnp.eye(H.shape[0], dtype=H.dtype) + H)
 
 
 def stress_of_gradient(law: Law, H: Float[Array, "dim dim"]) -> Float[Array, "dim dim"]:
-    """P = ∂ψ/∂F [pressure]."""
-    return jax.grad(lambda H: energy_of_gradient(law, H))(H)
+    """P = ∂ψ/∂F [pressure]: F S for a law in E."""
+    F = jnp.eye(H.shape[0], dtype=H.dtype) + H
+    return F @ law_stress(law, _green_lagrange(H)) if law.takes == "E" else law_stress(law, F)
 
 
-def moduli_at_rest(law: Law, dim: int, dtype: Any) -> Float[Array, "dim dim dim dim"]:
-    """ℂ = ∂²ψ/∂F∂F at F = I [pressure]."""
-    return jax.hessian(lambda H: energy_of_gradient(law, H))(jnp.zeros((dim, dim), dtype))
+def tangent_at_rest(law: Law, dim: int, dtype: Any) -> Tangent:
+    """The linear map A → ℂ:A [pressure] with the law's ℂ = ∂²ψ/∂F∂F at F = I, A (dim, dim)."""
+    rest = jnp.zeros((dim, dim), dtype)
+    return lambda A: jax.jvp(lambda H: stress_of_gradient(law, H), (rest,), (A.astype(dtype),))[1]
 
 
 class WithLaw(PointStateModel):
     """Subclasses have the fields `law` and `control`; `law_energy`, `law_moments`, `law_state`, `law_force` are without
-    control."""
+    control.
+
+    `by_gradient` says that `law_moments` are those of F̄, K and M, which a control needs too.
+    """
 
     additive: ClassVar[bool] = True
+    by_gradient: ClassVar[bool] = False
 
     @property
     def hyperelastic(self) -> bool:  # type: ignore[override]
@@ -81,11 +92,11 @@ class WithLaw(PointStateModel):
         energy = self.law_energy(bonds)
         if self.control is None:
             return energy
-        return energy + self.control.energy(bonds, moduli_at_rest(self.law, bonds.xi.shape[1], bonds.xi.dtype))
+        return energy + self.control.energy(bonds, tangent_at_rest(self.law, bonds.xi.shape[1], bonds.xi.dtype))
 
     def moments(self, bond: Bonds) -> tuple[Any, Any]:
         reference, deformed = self.law_moments(bond)
-        if self.control is None:
+        if self.control is None or self.by_gradient:
             return reference, deformed
         K, M = gradient_moments(bond)
         return (reference, K), (deformed, M)
@@ -93,10 +104,14 @@ class WithLaw(PointStateModel):
     def state(self, sums: Sums) -> Any:
         if self.control is None:
             return self.law_state(sums)
-        (reference, K), (deformed, M) = sums.reference, sums.deformed
-        own = self.law_state(sums._replace(reference=reference, deformed=deformed))
-        moduli = moduli_at_rest(self.law, sums.dim, K.dtype)
-        return own, self.control.state(sums._replace(reference=K, deformed=M), moduli)
+        law = gradient = sums
+        if not self.by_gradient:
+            law, gradient = (
+                sums._replace(reference=reference, deformed=deformed)
+                for reference, deformed in zip(sums.reference, sums.deformed, strict=True)
+            )
+        tangent = tangent_at_rest(self.law, sums.dim, jax.tree.leaves(gradient.deformed)[0].dtype)
+        return self.law_state(law), self.control.state(gradient, tangent)
 
     def bond_force(self, here: Any, there: Any, bond: Bonds) -> Float[Array, " dim"]:
         if self.control is None:

@@ -62,7 +62,7 @@ _ON_HOST: dict[str, Callable] = {
     "min": np.minimum,
     "sqrt": np.sqrt,
     "square": np.square,
-    "integer_pow": lambda x, y: x**y,
+    "integer_pow": lambda x, *, y: x**y,
     "eq": np.equal,
     "ne": np.not_equal,
     "lt": np.less,
@@ -73,9 +73,10 @@ _ON_HOST: dict[str, Callable] = {
     "or": np.bitwise_or,
     "not": np.invert,
     "select_n": lambda which, *cases: cases[int(which)],
-    "convert_element_type": lambda x, new_dtype, **_: np.asarray(x).astype(new_dtype),
+    "convert_element_type": lambda x, *, new_dtype, **_: np.asarray(x).astype(new_dtype),
     "stop_gradient": lambda x: x,
 }
+_TOLD = {"integer_pow", "convert_element_type"}
 _INLINED = {"jit", "pjit", "closed_call", "core_call", "custom_lin"}
 
 
@@ -125,7 +126,8 @@ def _bind(primitive: Any, params: dict, entries: list) -> Any:
     if all(_known(e) for e in entries):
         if primitive.name in _ON_HOST and (primitive.name != "div" or np.asarray(entries[0]).dtype.kind in "fc"):
             with np.errstate(all="ignore"):
-                return np.asarray(_ON_HOST[primitive.name](*map(np.asarray, entries), **params))[()]
+                told = params if primitive.name in _TOLD else {}  # the others' params say what the dtypes say too
+                return np.asarray(_ON_HOST[primitive.name](*map(np.asarray, entries), **told))[()]
         with jax.ensure_compile_time_eval():  # seldom: each is a program of its own
             return np.asarray(primitive.bind(*map(jnp.asarray, entries), **params))[()]
     entries = [jnp.asarray(e) for e in entries]

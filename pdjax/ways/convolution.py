@@ -25,9 +25,10 @@ import numpy as np
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Complex, Float
 
-from .._checks import is_concrete, namespace, on_device, on_host
+from .._checks import computed, is_concrete, namespace, on_device, on_host
 from .._dependence import known_part
 from .._memory import remember
+from .._xla import ONCE, quick_jit
 from ..models.base import PointStateModel, Sums
 from ..neighbours import EACH_BOND, Bonds, Families
 from .stream import state_rows
@@ -124,7 +125,7 @@ def _tables(model: PointStateModel, stencil: tuple[tuple[tuple[int, ...], ...], 
     return Tables(reference, _derivatives(lambda b: flat(b, 1), degree, bonds), _derivatives(force, 1, bonds)), zero
 
 
-_compiled_tables = eqx.filter_jit(_tables)
+_compiled_tables = quick_jit(ONCE)(_tables)
 
 
 class Plan(NamedTuple):
@@ -155,11 +156,11 @@ def _planned(tables: Tables, entries: int) -> tuple[Plan, np.ndarray]:
     """The terms of a model from its tables, and the rows of its kernels, per unit of ω V."""
     kernels = Kernels()
     first, second = [], []
-    for table in (np.asarray(x) / math.factorial(order) for order, x in enumerate(tables.moments)):
+    for table in (x / math.factorial(order) for order, x in enumerate(tables.moments)):
         floor = 1e-13 * np.abs(table).max(initial=0.0)
         for at in np.ndindex(*table.shape[1:]):
             first += _terms(kernels, at[0], table[(slice(None), *at)], _powers(at[1:]), floor)
-    for table in map(np.asarray, tables.forces):
+    for table in tables.forces:
         floor = 1e-13 * np.abs(table).max(initial=0.0)
         for at in np.ndindex(*table.shape[1:]):
             k, q = at[:2]
@@ -203,8 +204,8 @@ class Convolution(eqx.Module):
         key, there, stencil, degree = known
 
         def planned() -> tuple[Plan, np.ndarray, np.ndarray]:
-            tables, state = _compiled_tables(there, stencil, degree)
-            return (*_planned(tables, state.size), np.asarray(tables.reference))
+            tables, state = computed(_compiled_tables, there, stencil, degree)
+            return (*_planned(tables, state.size), tables.reference)
 
         plan, rows, reference = remember(fams, ("kernels", key), planned)
         if not is_concrete(fams):
@@ -253,7 +254,8 @@ class Convolution(eqx.Module):
         deformed = jnp.where(self.filled > 0, deformed, 0.0)  # what a hole has may have no derivative
         reference, deformed = (x.reshape(x.shape[0], math.prod(self.cells)) for x in (self.reference, deformed))
         rows = state_rows(model, dim, real, (reference, deformed), horizon)
-        state = jnp.stack([U[0], *(jnp.where(self.filled > 0, r.reshape(self.cells), 0.0) for r in rows)])[1:]
+        state = jnp.stack([U[0].reshape(-1), *rows])[1:].reshape(-1, *self.cells)
+        state = jnp.where(self.filled > 0, state, 0.0)
         return from_cells(jnp.stack(self._sum(self.plan.forces, dim, U, state)) * self.filled, self.sites)
 
 
