@@ -21,6 +21,7 @@ from .criteria import CRITERIA, Stability, stability
 from .criteria.body import BodyStability, body_inertia, body_spectrum, body_stability
 from .criteria.body_critical import BodyCritical, body_critical_load
 from .criteria.critical import critical_load, load_slope, stable_orders
+from .cuts import Plane, Polygon, Segment, cut
 from .devices import SlabForce, sharded_vmap, slab_force
 from .dynamics import (
     Energies,
@@ -51,6 +52,7 @@ from .influence import (
     gaussian_influence,
     inverse_distance_influence,
     linear_influence,
+    parabolic_influence,
     partial_volume_influence,
 )
 from .kinematics import bond_average_strain, local_strain, log_stretch, shape_tensor_K, shape_tensor_L
@@ -80,8 +82,10 @@ from .models import (
     linearised,
     plane_bulk_modulus,
 )
+from .neighbour_report import NeighbourReport, neighbour_report
 from .neighbours import Bonds, Families, Family, lattice_family
 from .paths import PATHS, hydrostatic, simple_shear, uniaxial_strain, uniaxial_stress
+from .point_fields import cauchy_stress, dilatation, energy_density, von_mises, weighted_volume
 from .points import Points, bar, cloud, cuboid, lattice, plate
 from .problem import Scene, scene
 from .statics import Equilibrium, EquilibriumPath, equilibrium_path, solve
@@ -127,13 +131,17 @@ __all__ = [
     "LinearElastic",
     "LittlewoodControl",
     "Motion",
+    "NeighbourReport",
     "NeoHookean",
+    "Plane",
     "PointStateModel",
     "Points",
+    "Polygon",
     "Ramp",
     "Rate",
     "ReproducingKernel",
     "Scene",
+    "Segment",
     "SethHill",
     "SillingControl",
     "SlabForce",
@@ -153,6 +161,7 @@ __all__ = [
     "body_spectrum",
     "body_stability",
     "bond_average_strain",
+    "cauchy_stress",
     "cell_families",
     "cell_stability",
     "cell_symbol",
@@ -165,9 +174,12 @@ __all__ = [
     "critical_time_step",
     "cubic_spline_influence",
     "cuboid",
+    "cut",
     "diffrax_start",
     "diffrax_terms",
+    "dilatation",
     "dispersion",
+    "energy_density",
     "equilibrium_path",
     "export",
     "families",
@@ -192,8 +204,10 @@ __all__ = [
     "measured_rate",
     "model_atlas",
     "motion",
+    "neighbour_report",
     "observers",
     "p_wave_modulus",
+    "parabolic_influence",
     "partial_volume_influence",
     "piola_stress",
     "plane_bulk_modulus",
@@ -223,5 +237,7 @@ __all__ = [
     "uniaxial_stress",
     "use_compilation_cache",
     "verlet_rate",
+    "von_mises",
+    "weighted_volume",
     "zero_energy_waves",
 ]

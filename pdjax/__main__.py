@@ -51,15 +51,24 @@ def _range(text: str) -> np.ndarray:
     return values
 
 
+class _Parser(argparse.ArgumentParser):
+    """Says how a value that starts with a minus sign is written."""
+
+    def error(self, message: str):
+        """Print the usage and the message, and leave with status 2."""
+        hint = "" if "expected one argument" not in message else " (before a minus sign write =, as in --a=-0.1:0.1:81)"
+        super().error(message + hint)
+
+
 def _parser() -> argparse.ArgumentParser:
     formatter = argparse.RawDescriptionHelpFormatter
-    parser = argparse.ArgumentParser(
+    parser = _Parser(
         prog="pdjax",
         description="Exact stability of peridynamic material models on infinite lattices.",
         epilog=_EPILOG,
         formatter_class=formatter,
     )
-    common = argparse.ArgumentParser(add_help=False)
+    common = _Parser(add_help=False)
     common.add_argument("--dim", type=int, default=2, choices=(1, 2, 3), help="dimension (default 2)")
     common.add_argument("--N", type=float, default=3.0, help="horizon over lattice spacing (default 3)")
     common.add_argument("--lam", type=float, default=1.0, help="first Lamé constant of the linear law (default 1)")
@@ -292,7 +301,9 @@ def _symbol(arguments) -> Job:
         title = f"m = {arguments.m:g}, {arguments.path} a = {arguments.a:g}, {arguments.dim}D, N = {arguments.N:g}: "
         ticks = arc[np.minimum(80 * np.arange(len(corners)), len(arc) - 1)]
         names = [name for name, _ in _CORNERS[arguments.dim]]
-        write_picture(pd.figures.dispersion(arc, values, ticks, names, f"{title}{result.verdict}"), picture)
+        line = "the edges of the Brillouin zone"
+        figure = pd.figures.dispersion(arc, values, ticks, names, f"{title}{result.verdict}", line)
+        write_picture(figure, picture)
         return f"wrote {picture}"
 
     return out, None if picture is None else files

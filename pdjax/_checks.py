@@ -94,9 +94,31 @@ def check_positive(name: str, value: Any) -> None:
         require(value, np.isfinite(number) & (number > 0), f"{name} must be finite and > 0; got {value}")
 
 
+def native(name: str, value: Any) -> np.ndarray:
+    """A known array as NumPy has it, in the machine's byte order; refused where entries are masked or no numbers.
+
+    Lists, pandas columns, read-only arrays, arrays in Fortran order or of the other byte order (meshio's) are taken.
+    """
+    if isinstance(value, np.ma.MaskedArray):
+        hidden = int(np.ma.getmaskarray(value).sum())
+        if hidden:
+            raise ValueError(
+                f"{name} has {hidden} masked entries, which stand for no number: fill them, {name}.filled(value), or"
+                " leave their points away"
+            )
+        value = value.data
+    try:
+        array = np.asarray(value)
+    except ValueError as error:  # rows of different lengths
+        raise ValueError(f"{name} must be an array of numbers; got {value!r:.80} ({error})") from None
+    if array.dtype.kind not in "biufc" and array.dtype.name != "bfloat16":
+        raise ValueError(f"{name} must be an array of numbers; got {value!r:.80}")
+    return array if array.dtype.isnative else array.astype(array.dtype.newbyteorder("="))
+
+
 def finite(name: str, value: Any) -> np.ndarray:
     """`value` as a NumPy array of floats; ValueError naming it if any entry is NaN or infinite."""
-    array = np.asarray(value, dtype=float)
+    array = native(name, value).astype(float)
     bad = np.flatnonzero(~np.isfinite(array).reshape(-1))
     if bad.size:
         raise ValueError(
@@ -105,32 +127,27 @@ def finite(name: str, value: Any) -> np.ndarray:
     return array
 
 
-def _numeric(x: Any) -> np.ndarray | None:
-    """A concrete value as a NumPy array of numbers, or None: jax.numpy then says what is wrong with it."""
-    array = np.asarray(x)
-    return array if array.dtype.kind in "biufc" else None
-
-
-def as_array(x: Any, dtype: Any = float) -> jax.Array:
+def as_array(x: Any, dtype: Any = float, name: str = "a value") -> jax.Array:
     """`x` as a JAX array of a dtype, by default the float type that is set. A value that is known compiles nothing."""
     dtype = jax.dtypes.canonicalize_dtype(dtype)
-    if not is_concrete(x) or (array := _numeric(x)) is None:
+    if not is_concrete(x):
         return jnp.asarray(x, dtype)
     if isinstance(x, jax.Array) and x.dtype == dtype and not x.weak_type:
         return x
-    return jax.device_put(np.array(array, dtype))  # a copy, for a user may write to the original
+    return jax.device_put(np.array(native(name, x), dtype))  # a copy, for a user may write to the original
 
 
-def as_real(x: Any) -> jax.Array:
+def as_real(x: Any, name: str = "a constant") -> jax.Array:
     """An array of the default float type at least: a constant given as 1 is 1.0."""
     real = jnp.result_type(float)
     if isinstance(x, jax.Array) and jnp.issubdtype(x.dtype, jnp.inexact):
         return x
-    if not is_concrete(x) or (array := _numeric(x)) is None:
+    if not is_concrete(x):
         x = jnp.asarray(x)
         return x if jnp.issubdtype(x.dtype, jnp.inexact) else x.astype(real)
     if isinstance(x, float | complex) and not isinstance(x, np.generic):
         return jax.device_put(x)  # of weak type
+    array = native(name, x)
     return jax.device_put(np.array(array, real if array.dtype.kind in "biu" else None))
 
 
@@ -151,7 +168,7 @@ def choice(name: str, value: Any, allowed: Sequence[str]) -> str:
 
 def deformation_gradient(F: Any, dim: int) -> jax.Array:
     """`F` as a (dim, dim) array, refused where its shape is wrong, it is not finite or det F ≤ 0."""
-    given, F = F, as_real(F)
+    given, F = F, as_real(F, "F")
     if F.shape != (dim, dim):
         raise ValueError(f"F must be a ({dim}, {dim}) deformation gradient for this family; got shape {F.shape}")
     if not jnp.issubdtype(F.dtype, jnp.floating):

@@ -1,4 +1,4 @@
-"""A progress bar of one line on the terminal's error stream; silent where that is not a terminal."""
+"""How far a job has come, in one line of the terminal's error stream; silent where that is not a terminal."""
 
 import sys
 import time
@@ -21,3 +21,23 @@ def progress(items: Iterable[T], total: int, label: str, show: bool) -> Iterator
         yield item
     if show:
         print(f"\r{label} [{'█' * 24}] {total}/{total} {time.monotonic() - start:4.0f} s{' ' * 12}", file=sys.stderr)
+
+
+class Residuals(list[float]):
+    """Residuals of a solver, the last of them shown with the load factor that it is solving for."""
+
+    def __init__(self, factor: float, show: bool):
+        super().__init__()
+        self.factor, self.show = factor, show and sys.stderr.isatty()
+
+    def append(self, residual: float) -> None:
+        """Keep a residual, and show it."""
+        super().append(residual)
+        if self.show:
+            words = f"load factor {self.factor:.4g}, iteration {len(self) - 1}, relative residual {residual:.1e}"
+            print(f"\r{words:<79}", end="", file=sys.stderr, flush=True)
+
+    def end(self) -> None:
+        """Leave the line."""
+        if self.show:
+            print(file=sys.stderr)

@@ -25,15 +25,17 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import Array
 
 from ._xla import QUICK, quick_jit
-from .force import split_model
 from .linearise import TwoStage, family_tangent, linearise_states, linearise_two_stage
 from .models.base import AbstractModel, PointStateModel, TwoStageModel
+from .models.pointwise import regular, split_model
 from .neighbours import Bonds, Families
 
 
 def _point_tangents(model: AbstractModel, fams: Families, bonds: Bonds) -> Any:
-    """LowRank of every point (point-state models), or the dense C of every point."""
+    """LowRank of every point (point-state models), or the dense C of every point. What comes of bonds without weight
+    means nothing."""
     varying, shared = split_model(model, len(fams))
+    bonds, _ = regular(bonds)
     if not isinstance(model, PointStateModel | TwoStageModel):
         return jax.vmap(lambda mine, b: family_tangent(eqx.combine(mine, shared), b))(varying, bonds)
     if isinstance(model, PointStateModel) and not model.needs_other_end:

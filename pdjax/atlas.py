@@ -27,6 +27,7 @@ import numpy as np
 from jaxtyping import Array
 
 from ._checks import choice, computed, writable, written_whole
+from ._doors import taught
 from ._progress import progress
 from .climb import climb
 from .cosine_series import Series, entries, forms, on_grid, packed, reached
@@ -141,6 +142,7 @@ def _zero_search(blocks: Array, dim: int, bonds: int, rings: int, intervals: int
     return jnp.concatenate([starts, climbed], axis=1)[0], jnp.concatenate([screen[chosen], quotients[0]])
 
 
+@taught
 def zero_energy_waves(model: AbstractModel, fam: Family) -> np.ndarray:
     """Wave vectors (waves, dim) [π/h] at which the resting lattice resists nothing, one of each set that its symmetry
     makes the same: as far as a search from 64 starts finds them."""
@@ -208,6 +210,7 @@ def _record(name: str, dim: int, N: float, law: LinearElastic, paths: Sequence[s
     return record | ({"cost": cost_per_bond(model, dim, N)} if cost else {})
 
 
+@taught
 def model_atlas(
     models: Sequence[str] | None = None,
     dims: Sequence[int] = (1, 2),

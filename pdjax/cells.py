@@ -22,17 +22,20 @@ import numpy as np
 from jaxtyping import Array, Complex
 
 from ._checks import as_array, deformation_gradient, namespace, require
+from ._doors import taught
 from .criteria.outcome import margin_tolerance, verdicts
 from .evaluate import force_density
-from .family_search import pack
+from .family_search import checked_horizon, in_box, pack
 from .force import Exchange, check_model, force_states, point_field
 from .influence import constant_influence
 from .models.base import AbstractModel
-from .neighbours import TIE, Bonds, Families
+from .neighbours import Bonds, Families
 from .points import Points
 from .tangent import jacobian
+from .ties import tie_radius
 
 
+@taught
 def cell_families(body: Points, horizon: float, influence: Callable = constant_influence) -> Families:
     """The families of a fully periodic cell of any size: a neighbour and its images are different bonds.
 
@@ -43,10 +46,9 @@ def cell_families(body: Points, horizon: float, influence: Callable = constant_i
 
     if body.period is None or not np.isfinite(body.period).all():
         raise ValueError(f"a cell must be periodic along every axis; got period {body.period}")
-    if not (np.isfinite(horizon) and horizon > 0):
-        raise ValueError(f"horizon must be finite and > 0; got {horizon}")
-    X, period, radius = body.positions, np.array(body.period), horizon * (1 + TIE)
-    X = np.mod(X, period)
+    horizon = checked_horizon(horizon)
+    period, radius = np.array(body.period), tie_radius(body, horizon)
+    X, _ = in_box(body)
     images = np.array(list(itertools.product(*[range(-n, n + 1) for n in np.ceil(radius / period).astype(int)])))
     everywhere = (X[None] + (images * period)[:, None]).reshape(-1, body.dim)
     near = cKDTree(everywhere).query_ball_point(X, radius)
@@ -127,6 +129,7 @@ def _bonds(model: AbstractModel, fams: Families, F, u) -> Bonds:
     return fams.bonds(np.zeros((len(fams), fams.dim), fams.dtype) if u is None else point_field(u, fams), F)
 
 
+@taught
 def cell_symbol(model: AbstractModel, fams: Families, F, k, u=None) -> Complex[Array, "waves dof dof"]:
     """V^½ Ĵ(k) V^−½ of a cell on plane waves e^{ik·X}: its eigenvalues are those of the infinite lattice's Jacobian.
 
@@ -141,6 +144,7 @@ def cell_symbol(model: AbstractModel, fams: Families, F, k, u=None) -> Complex[A
     return _symbols(model, fams, _bonds(model, fams, F, u), require(k, namespace(k).isfinite(k), "k must be finite"))
 
 
+@taught
 def relaxed(model: AbstractModel, fams: Families, F, tolerance: float = 1e-12, steps: int = 30) -> Array:
     """The periodic displacement u (points, dim) [length], first point held, that balances a cell under F.
 
@@ -188,6 +192,7 @@ class CellStability(eqx.Module):
         return str(verdicts(self.margin, self.tolerance))
 
 
+@taught
 def cell_stability(
     model: AbstractModel, fams: Families, period, F, modulus: float, u=None, intervals: int = 8
 ) -> CellStability:

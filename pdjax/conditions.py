@@ -18,6 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ._checks import as_array
+from ._doors import taught
 
 
 class Prescribed(NamedTuple):
@@ -59,9 +60,13 @@ Condition = Prescribed | BodyForce | TotalForce | HomogeneousTraction
 
 def point_numbers(points) -> tuple[np.ndarray, int | None]:
     """Point numbers from numbers or from a boolean mask, and the length of the mask, which must be the body's."""
+    if isinstance(points, np.ma.MaskedArray):
+        raise ValueError("points must be a mask or a list of point numbers; a masked array is neither")
     points, mask = np.atleast_1d(np.asarray(points)), None
     if points.dtype == bool and points.ndim == 1:
         points, mask = np.flatnonzero(points), len(points)
+    if not points.dtype.isnative:
+        points = points.astype(points.dtype.newbyteorder("="))
     if points.ndim != 1 or points.size == 0 or not np.issubdtype(points.dtype, np.integer):
         raise ValueError(f"points must be a mask or a list of point numbers, not empty; got {points!r}")
     if len(np.unique(points)) != len(points):
@@ -79,6 +84,7 @@ def check_points(what: str, points: np.ndarray, mask: int | None, count: int) ->
     return points
 
 
+@taught
 def prescribe(points, u=0.0, components=None) -> Prescribed:
     """Hold points at a displacement.
 
@@ -88,22 +94,25 @@ def prescribe(points, u=0.0, components=None) -> Prescribed:
     chosen = None if components is None else tuple(int(c) for c in np.atleast_1d(components))
     if chosen is not None and (len(set(chosen)) != len(chosen) or not chosen):
         raise ValueError(f"components must be different numbers such as (0, 1); got {components!r}")
-    return Prescribed(*point_numbers(points), as_array(u), chosen)
+    return Prescribed(*point_numbers(points), as_array(u, name="u"), chosen)
 
 
+@taught
 def body_force(points, b) -> BodyForce:
     """A body force density b [force/length^dim]: a number in 1D, (dim,), or (points named, dim)."""
-    return BodyForce(*point_numbers(points), as_array(b))
+    return BodyForce(*point_numbers(points), as_array(b, name="b"))
 
 
+@taught
 def total_force(points, force) -> TotalForce:
     """A force (dim,) [force] spread evenly over the points named: the crude traction of the module's head."""
-    return TotalForce(*point_numbers(points), as_array(force))
+    return TotalForce(*point_numbers(points), as_array(force, name="force"))
 
 
+@taught
 def homogeneous_traction(points, F, model=None) -> HomogeneousTraction:
     """The exact traction of the module's head over the layer of points named, for the homogeneous deformation F.
 
     `model`: whose internal force is meant, if not the body's own (a graded body's material at the surface).
     """
-    return HomogeneousTraction(*point_numbers(points), as_array(F), model)
+    return HomogeneousTraction(*point_numbers(points), as_array(F, name="F"), model)

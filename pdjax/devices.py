@@ -58,8 +58,10 @@ from jax.sharding import Mesh, NamedSharding, PartitionSpec
 from jaxtyping import Array, Float
 
 from ._checks import as_real, is_concrete, require
-from .force import check_model, split_model
+from ._doors import taught
+from .force import check_model
 from .models.base import AbstractModel, PointStateModel
+from .models.pointwise import split_model
 from .neighbours import Families
 from .ways.stream import reference_sums, streamed_force
 from .ways.walks import GridWalk
@@ -80,6 +82,7 @@ def device_mesh(mesh: Mesh) -> tuple[Mesh, str, int]:
     return Mesh(mesh.devices, mesh.axis_names), name, mesh.shape[name]
 
 
+@taught
 def sharded_vmap(function: Callable, mesh: Mesh) -> Callable:
     """`jax.vmap(function)` whose batch is cut over the first axis of a mesh; no device hears of another's states.
 
@@ -267,6 +270,7 @@ def _slab_planes(planes: int, halo: int, devices: int) -> int:
     return planes // devices
 
 
+@taught
 def slab_force(model: AbstractModel, fams: Families, mesh: Mesh) -> SlabForce:
     """The force density of a lattice body cut in slabs along its first axis, over the first axis of a mesh.
 

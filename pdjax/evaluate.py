@@ -22,10 +22,12 @@ from jaxtyping import Array, Float
 
 from ._checks import choice, deformation_gradient, inside_jit, is_concrete
 from ._dependence import known_part
+from ._doors import taught
 from ._memory import remember, value_key
 from ._xla import QUICK, quick_jit
-from .force import check_model, point_field, split_model, whole_force
+from .force import check_model, point_field, whole_force
 from .models.base import AbstractModel, PointStateModel
+from .models.pointwise import split_model
 from .neighbours import Families
 from .ways.convolution import Convolution, has_kernels
 from .ways.promises import check_promises
@@ -194,6 +196,7 @@ def _prepared(model: AbstractModel, fams: Families, way: str, mean: bool) -> tup
     return _plan(model, fams, way), way
 
 
+@taught
 def force_operator(model: AbstractModel, fams: Families, way: str = "auto", mean: bool = False) -> ForceOperator:
     """The force density of a body as a function of u, prepared: for many evaluations, under `jit` too.
 
@@ -209,6 +212,7 @@ def force_operator(model: AbstractModel, fams: Families, way: str = "auto", mean
     return ForceOperator(model, fams, plan, way)
 
 
+@taught
 def force_density(model: AbstractModel, fams: Families, u, F=None, way: str = "auto") -> Float[Array, "points dim"]:
     """Net internal force density f of every point.
 

@@ -20,9 +20,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ._checks import as_array, deformation_gradient, is_concrete
+from ._checks import as_array, deformation_gradient, is_concrete, native
+from ._doors import taught
 from .models.base import AbstractModel, TwoStageModel
-from .models.pointwise import each_point, split_model
+from .models.pointwise import each_point, none_if_empty, of_each_point, regular, split_model
 from .neighbours import EACH_BOND, Bonds, Families, Family
 from .shape_tensors import check_shape_tensors
 
@@ -82,7 +83,7 @@ def _refuse_varying(model: AbstractModel) -> None:
 def point_field(u, fams: Families, name: str = "u") -> Array:
     """`u` as a (points, dim) array, refused where its shape is wrong or it is not finite."""
     known = is_concrete(u)
-    u = u if isinstance(u, jax.Array) else np.asarray(u) if known else jnp.asarray(u)
+    u = u if isinstance(u, jax.Array) else native(name, u) if known else jnp.asarray(u)
     if u.shape != (len(fams), fams.dim):
         raise ValueError(f"{name} must have shape (points, dim) = ({len(fams)}, {fams.dim}); got {u.shape}")
     if known:
@@ -112,6 +113,7 @@ def _family_state(model: AbstractModel, fam: Family, F: Array) -> Array:
     return model.force_state(fam.bonds(F))
 
 
+@taught
 def force_state(model: AbstractModel, fam: Family, F) -> Float[Array, "bonds dim"]:
     """T of one lattice family under the homogeneous deformation x = F X.
 
@@ -122,6 +124,7 @@ def force_state(model: AbstractModel, fam: Family, F) -> Float[Array, "bonds dim
     return _family_state(model, fam, deformation_gradient(F, fam.dim))
 
 
+@taught
 def piola_stress(model: AbstractModel, fam: Family, F) -> Float[Array, "dim dim"]:
     """P = Σ V T⊗ξ = ∂W/∂F over affine maps [pressure]: the first Piola–Kirchhoff stress of a homogeneous state.
 
@@ -143,6 +146,7 @@ _compiled_stress = eqx.filter_jit(affine_stress)
 def _two_stage_states(model: TwoStageModel, volumes: Array, bonds: Bonds, exchange: Exchange) -> Array:
     """T by both stages: states out, bond energies, the forces on the states back."""
     varying, shared = split_model(model, bonds.xi.shape[0])
+    bonds, empty = regular(bonds)
 
     def states(eta):
         return jax.vmap(lambda mine, b: eqx.combine(mine, shared).point_state(b))(varying, bonds._replace(eta=eta))
@@ -152,7 +156,8 @@ def _two_stage_states(model: TwoStageModel, volumes: Array, bonds: Bonds, exchan
 
     state, pull = jax.vjp(states, bonds.eta)
     slope = jax.vmap(jax.vmap(jax.grad(one, (0, 1, 2)), (0, None, 0, None, EACH_BOND)))
-    direct, on_here, on_there = slope(bonds.eta, state, jax.tree.map(exchange.far, state), varying, bonds)
+    slopes = slope(bonds.eta, state, jax.tree.map(exchange.far, state), varying, bonds)
+    direct, on_here, on_there = none_if_empty(slopes, empty)
     ratio = bonds.volume / volumes[:, None]
 
     def total(here, there):
@@ -166,13 +171,14 @@ def _two_stage_states(model: TwoStageModel, volumes: Array, bonds: Bonds, exchan
 def _by_both_ends(method: str, model: AbstractModel, bonds: Bonds, exchange: Exchange) -> Array:
     """model.method(A_here, A_there, bond) on every bond, with the constants of the point whose bond it is."""
     varying, shared = split_model(model, bonds.xi.shape[0])
-    state = each_point("point_state", model, bonds)
+    bonds, empty = regular(bonds)
+    state = of_each_point("point_state", model, bonds)
 
     def one(mine, here, there, bond):
         return getattr(eqx.combine(mine, shared), method)(here, there, bond)
 
     far = jax.tree.map(exchange.far, state)
-    return jax.vmap(jax.vmap(one, (None, None, 0, EACH_BOND)))(varying, state, far, bonds)
+    return none_if_empty(jax.vmap(jax.vmap(one, (None, None, 0, EACH_BOND)))(varying, state, far, bonds), empty)
 
 
 def force_states(
@@ -199,11 +205,17 @@ def whole_force(model: AbstractModel, fams: Families, bonds: Bonds) -> Float[Arr
 
 @eqx.filter_jit
 def _energy(model: AbstractModel, fams: Families, u: Array, F: Array | None) -> Float[Array, ""]:
+    return jnp.dot(fams.volumes, _energies(model, fams, u, F))
+
+
+def _energies(model: AbstractModel, fams: Families, u: Array, F: Array | None) -> Float[Array, " points"]:
     bonds = fams.bonds(u, F)
     if not isinstance(model, TwoStageModel):
-        return jnp.dot(fams.volumes, each_point("energy", model, bonds))
-    each = _by_both_ends("bond_energy", model, bonds, plain_exchange(fams))
-    return jnp.dot(fams.volumes, jnp.sum(each, axis=1))
+        return each_point("energy", model, bonds)
+    return jnp.sum(_by_both_ends("bond_energy", model, bonds, plain_exchange(fams)), axis=1)
+
+
+energy_of_each = eqx.filter_jit(_energies)  # W of every point, unchecked
 
 
 @eqx.filter_jit
@@ -211,16 +223,19 @@ def _each_point(method: str, model: AbstractModel, fams: Families, u: Array, F: 
     return each_point(method, model, fams.bonds(u, F))
 
 
+@taught
 def strain_energy(model: AbstractModel, fams: Families, u, F=None) -> Float[Array, ""]:
     """Π = Σ_i V_i W_i [energy] of a body; arguments and errors as `force_density`."""
     return _energy(model, fams, *body_state(model, fams, u, F))
 
 
+@taught
 def strain(model: AbstractModel, fams: Families, u, F=None) -> Float[Array, "points dim dim"]:
     """The model's own strain at every point [-]: Ē_m for Seth–Hill, else Green–Lagrange of F̄."""
     return _each_point("strain", model, fams, *body_state(model, fams, u, F))
 
 
+@taught
 def stress(model: AbstractModel, fams: Families, u, F=None) -> Float[Array, "points dim dim"]:
     """The model's stress at every point [pressure]: of `Correspondence`, `SethHill`, `TupekRadovitzky` the law's own,
     S = ∂Ψ/∂E for a law in E and P = ∂ψ/∂F for a law in F; of all others P = Σ V T⊗ξ of the family (with the point's

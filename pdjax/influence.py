@@ -5,8 +5,15 @@ where r and δ are known and with JAX arrays where they are traced; operators an
 Being a function of the distance alone it is even, ω(ξ) = ω(−ξ), and as symmetric as the lattice. Give it parameters
 with `functools.partial`: they are traced and differentiable too, e.g. `partial(gaussian_influence, width=w)`.
 
-    q = r/δ    constant 1 · inverse distance 1/q · linear 1 − q · Gaussian exp(−(q/width)²)
-    cubic spline: 1 − 6q² + 6q³ for q ≤ ½, 2(1 − q)³ beyond (C², zero at the horizon)
+    name                ω by q = r/δ                              as public codes have it
+    "constant"          1                                         Peridigm "One"
+    "inverse distance"  1/q                                       LAMMPS peri/lps 1/r; Peridynamics.jl "linear"
+    "linear"            1 − q
+    "parabolic"         1 for q ≤ ½, 4q(1 − q) beyond             Peridigm "Parabolic Decay"
+    "gaussian"          exp(−(q/width)²), width ½                 Peridigm "Gaussian" with width 1
+    "cubic spline"      1 − 6q² + 6q³ for q ≤ ½, 2(1 − q)³ beyond Peridynamics.jl "cubic B-spline"
+
+A constant factor on ω changes nothing in correspondence models and LPS, whose sums are divided by sums of ω.
 
 A neighbour whose cell the horizon cuts counts with a part of its volume (`partial_volume_influence`): as ω and V enter
 every sum as their product, a factor on the volume is a factor on ω.
@@ -22,7 +29,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ._checks import as_real, check_positive, namespace, on_host
+from ._checks import as_real, check_positive, choice, namespace, on_host
+from ._doors import taught
 
 Lengths = Float[Array | np.ndarray, "..."]
 
@@ -34,24 +42,28 @@ def _together(r: Lengths, *others: Any) -> tuple[Any, ...]:
     return namespace(others), r, *on_host(others)
 
 
+@taught
 def constant_influence(r: Lengths, horizon) -> Lengths:
     """ω = 1 [-]; r and horizon in [length]."""
     xp, r = _together(r)
     return xp.ones_like(r)
 
 
+@taught
 def inverse_distance_influence(r: Lengths, horizon) -> Lengths:
     """ω = δ/r [-]; r and horizon in [length]."""
     _, r, horizon = _together(r, horizon)
     return horizon / r
 
 
+@taught
 def linear_influence(r: Lengths, horizon) -> Lengths:
     """ω = 1 − r/δ [-], zero at the horizon; r and horizon in [length]."""
     xp, r, horizon = _together(r, horizon)
     return xp.maximum(1 - r / horizon, 0)
 
 
+@taught
 def cubic_spline_influence(r: Lengths, horizon) -> Lengths:
     """ω = the cubic B-spline scaled to 1 at r = 0 [-], zero at the horizon; r and horizon in [length]."""
     xp, r, horizon = _together(r, horizon)
@@ -59,10 +71,40 @@ def cubic_spline_influence(r: Lengths, horizon) -> Lengths:
     return xp.where(q <= 0.5, 1 - 6 * q**2 + 6 * q**3, 2 * (1 - q) ** 3)
 
 
+@taught
 def gaussian_influence(r: Lengths, horizon, width=0.5) -> Lengths:
     """ω = exp(−(r/(width·δ))²) [-], cut off at the horizon; width is a fraction of the horizon [-]."""
     xp, r, horizon, width = _together(r, horizon, width)
     return xp.exp(-((r / (width * horizon)) ** 2))
+
+
+@taught
+def parabolic_influence(r: Lengths, horizon) -> Lengths:
+    """ω = 1 up to half the horizon, then 4q(1 − q) [-], zero at the horizon; r and horizon in [length]."""
+    xp, r, horizon = _together(r, horizon)
+    q = xp.minimum(r / horizon, 1)
+    return xp.where(q <= 0.5, 1, 4 * q * (1 - q))
+
+
+INFLUENCES: dict[str, Callable] = {
+    "constant": constant_influence,
+    "inverse distance": inverse_distance_influence,
+    "linear": linear_influence,
+    "parabolic": parabolic_influence,
+    "gaussian": gaussian_influence,
+    "cubic spline": cubic_spline_influence,
+}
+
+
+def named_influence(influence: Any) -> Callable:
+    """An influence function from itself or from its name in `INFLUENCES`."""
+    if isinstance(influence, str):
+        return INFLUENCES[choice("influence", influence, tuple(INFLUENCES))]
+    if not callable(influence):
+        raise ValueError(
+            f"influence must be a function (r, horizon) → ω, or one of {', '.join(INFLUENCES)}; got {influence!r}"
+        )
+    return influence
 
 
 def partial_volume_influence(influence: Callable, spacing) -> Callable:
@@ -78,6 +120,8 @@ def partial_volume_influence(influence: Callable, spacing) -> Callable:
     """
     spacing = as_real(spacing)
     check_positive("spacing", spacing)
+
+    influence = named_influence(influence)
 
     def part_of_volume(r: Lengths, horizon) -> Lengths:
         xp, r, delta, h = _together(r, horizon, spacing)

@@ -18,6 +18,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ._checks import as_array, computed, deformation_gradient, is_concrete, on_device, require
+from ._doors import taught
 from ._memory import remember, value_key
 from ._xla import ONCE, quick_jit
 from .bloch import StateTangent, block_at_center, homogeneous_tangent, modulus_at_rest, wave_phases
@@ -131,6 +132,7 @@ def checked_states(model: AbstractModel, fam: Family, F: np.ndarray) -> States:
     return states
 
 
+@taught
 def symbol(model: AbstractModel, fam: Family, F, k) -> Float[Array, "*waves dim dim"]:
     """Ĵ(k), the exact Jacobian of the infinite lattice on the plane wave e^{ik·X}.
 
@@ -163,6 +165,7 @@ def _symbol(model: AbstractModel, fam: Family, F: Array, k: Array) -> Array:
     return homogeneous_tangent(model, fam, F)(wave_phases(fam, k))
 
 
+@taught
 def center_block(model: AbstractModel, fam: Family, F) -> Float[Array, "dim dim"]:
     """D = ∂f(X)/∂x(X): the Jacobian's block at the point itself, on an infinite lattice under x = F X.
 
@@ -182,6 +185,7 @@ def _center_block(model: AbstractModel, fam: Family, F: Array) -> Array:
     return block_at_center(model, fam, F)
 
 
+@taught
 def p_wave_modulus(model: AbstractModel, fam: Family) -> Float[Array, ""]:
     """M = ∂P₁₁/∂F₁₁ at F = I [pressure]: the law's λ + 2μ, as the model on this family has it."""
     check_model(model, fam, Family)

@@ -8,6 +8,7 @@ import inspect
 import json
 import os
 import time
+import zipfile
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path as FilePath
@@ -21,6 +22,7 @@ from jax.sharding import Mesh
 from jaxtyping import Float
 
 from ._checks import as_real, choice, computed, finite, writable, written_whole
+from ._doors import taught
 from ._progress import progress
 from .bloch import homogeneous_tangent
 from .cosine_series import reached, series
@@ -35,7 +37,7 @@ from .laws import Law, law_label
 from .models.base import AbstractModel, TwoStageModel
 from .models.seth_hill import SethHill
 from .neighbours import Family, lattice_family
-from .paths import Path, hydrostatic, path_symmetry
+from .paths import Path, check_stretch, hydrostatic, path_symmetry
 from .zone import Zone, brillouin_zone
 
 _SAVE_EVERY = 30.0  # seconds between partial saves
@@ -83,11 +85,19 @@ class StabilityMap:
 
     @classmethod
     def load(cls, path: str | os.PathLike) -> "StabilityMap":
-        """Read what `save` wrote."""
-        with np.load(path) as file:
-            lines = {name[5:]: file[name] for name in file.files if name.startswith("line_")}
-            settings = json.loads(str(file["settings"]))
-            return cls(**{name: file[name] for name in _ARRAYS}, lines=lines, settings=settings)
+        """Read what `save` wrote.  Raises: FileNotFoundError; ValueError for any other file."""
+        path = FilePath(path)
+        if not path.exists():
+            raise FileNotFoundError(f"no map at {path}")
+        try:
+            with np.load(path, allow_pickle=False) as file:
+                lines = {
+                    name[5:]: file[name] for name in file.files if name.startswith("line_") and name not in _ARRAYS
+                }
+                settings = json.loads(str(file["settings"]))
+                return cls(**{name: file[name] for name in _ARRAYS}, lines=lines, settings=settings)
+        except (OSError, ValueError, KeyError, TypeError, AttributeError, zipfile.BadZipFile, EOFError) as error:
+            raise ValueError(f"{path} is not a map that StabilityMap.save wrote, or is damaged: {error}") from None
 
 
 def _free_memory() -> float:
@@ -121,12 +131,13 @@ def _chunk(m, a, fam, make, path: Path, names: tuple[str, ...], intervals: int, 
 
 
 @eqx.filter_jit
-def _linearised_chunk(m, a, fam, make, path: Path):
-    """The cosine series of every pair (m, a)."""
+def _linearised_chunk(m, a, at_rest, fam, make, path: Path):
+    """The cosine series of every pair (m, a), or of the resting state of every m."""
 
     def one(m, a):
         model = make(m)
-        return series(homogeneous_tangent(model, fam, path(a, model, fam)), fam.dim, len(fam.influence))
+        F = jnp.where(at_rest, jnp.eye(fam.dim, dtype=m.dtype), path(a, model, fam))
+        return series(homogeneous_tangent(model, fam, F), fam.dim, len(fam.influence))
 
     return jax.vmap(one)(m, a)
 
@@ -145,7 +156,7 @@ def _evaluated(job: "_Job", make: Callable, path: Path, mesh: Mesh | None) -> li
     found: dict[str, Any] = {}
     able = _from_series(model, job.names, mesh)
     if able:
-        blocks = computed(_linearised_chunk, job.m, job.a, fam, make, path)
+        blocks = computed(_linearised_chunk, job.m, job.a, np.asarray(False), fam, make, path)
         states = States(blocks, _offsets(model, fam), job.modulus, float(fam.spacing))
         found = {name: from_states(name, model, fam, states, zone) for name in able}
         found = {n: (o.margin, o.eigenvalue, margin_tolerance(job.m.dtype, o.scale)) for n, o in found.items()}
@@ -158,9 +169,8 @@ def _evaluated(job: "_Job", make: Callable, path: Path, mesh: Mesh | None) -> li
 
 def _check_loads(a: np.ndarray, model: AbstractModel, fam, path: Path) -> None:
     """Refuse loads whose deformation is not one: a stretch 1 + a ≤ 0, or det F ≤ 0 on a user's path."""
-    if getattr(path, "stretch", False) and (a <= -1).any():
-        i = int(np.argmax(a <= -1))
-        raise ValueError(f"a must be > -1, for 1 + a is a stretch of this path; a[{i}] = {a[i]:g}")
+    if getattr(path, "stretch", False):
+        check_stretch(a)
     det = np.linalg.det(computed(deformations, path, np.asarray(a, fam.xi.dtype), model, fam))
     if (det <= 0).any():
         i = int(np.argmax(det <= 0))
@@ -182,7 +192,7 @@ def _offsets(model: AbstractModel, fam: Family) -> np.ndarray:
 
 
 def _moduli(make: Callable, orders: np.ndarray, fam: Family, path: Path, size: int) -> np.ndarray:
-    """The checked P-wave modulus of every order, by the program that linearises the chunks: at rest, a = 0."""
+    """The checked P-wave modulus of every order, by the program that linearises the chunks."""
     orders = orders[:1] if isinstance(make, _SethHillOf) else orders  # at rest its order changes nothing
     models = [make(as_real(m)) for m in orders]
     for model in models:
@@ -193,7 +203,7 @@ def _moduli(make: Callable, orders: np.ndarray, fam: Family, path: Path, size: i
     for start in range(0, len(orders), size):
         index = np.minimum(np.arange(start, start + size), len(orders) - 1)
         m = orders[index].astype(fam.xi.dtype)
-        blocks = computed(_linearised_chunk, m, np.zeros_like(m), fam, make, path)
+        blocks = computed(_linearised_chunk, m, np.zeros_like(m), np.asarray(True), fam, make, path)
         values[index] = blocks[:, :, 0, 0] @ along * float(fam.spacing) ** 2
     for model, value in zip(models, values, strict=True):
         check_modulus(model, value)
@@ -227,6 +237,7 @@ def _thin(x: np.ndarray) -> np.ndarray:
     return np.linspace(0, len(x) - 1, min(len(x), _LINE_POINTS)).round().astype(int)
 
 
+@taught
 def stability_map(
     m,
     a,

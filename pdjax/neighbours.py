@@ -2,7 +2,7 @@
 
 A **bond** is the record (ξ, η, ω, V, δ): reference vector ξ = X_j − X_i, relative displacement
 η = u_j − u_i (never positions: no cancellation at tiny strain), influence ω and volume V_j of the
-neighbour, and the horizon δ, one for the family. Its deformed image is Y = ξ + η. The weight β ∈ [0, 1] of a
+neighbour, and the horizon δ, one for the family. Its deformed image is Y = ξ + η. The weight β ≥ 0 of a
 bond (partial volume, damage) is folded into ω, so every model honours it; with T = (1/V_j) ∂W/∂Y_j the force density
 stays the exact gradient of the energy for any weights, even ones that differ between the two directions of a bond.
 
@@ -18,10 +18,11 @@ from typing import Any, NamedTuple
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Bool, Float, Int
 
-from ._checks import in_host_memory, namespace, on_device, on_host, require
-from .influence import constant_influence
+from ._checks import in_host_memory, namespace, native, on_device, on_host, require
+from ._doors import taught
+from .influence import constant_influence, named_influence
 
 TIE = 1e-9  # relative slack of the horizon
 
@@ -41,6 +42,7 @@ EACH_BOND = Bonds(0, 0, 0, 0, None)  # type: ignore[arg-type]  # vmap axes: over
 
 def checked_influence(influence: Callable, r: np.ndarray | Array, horizon) -> np.ndarray | Array:
     """ω of bonds of length r, refused where it is no influence; a NumPy array if no value is traced."""
+    influence = named_influence(influence)
     with np.errstate(all="ignore"):  # NaN and infinity are refused below
         omega = influence(r, horizon)
     xp = namespace(omega)
@@ -52,8 +54,14 @@ def checked_influence(influence: Callable, r: np.ndarray | Array, horizon) -> np
 
 def _weight(weight, shape) -> np.ndarray | Array:
     xp = namespace(weight)
-    weight = xp.broadcast_to(xp.array(weight, dtype=jnp.result_type(float)), shape)
-    return require(weight, (weight >= 0).all() & (weight <= 1).all(), "bond weights must lie in [0, 1]")
+    weight = xp.array(native("weight", weight) if xp is np else weight, dtype=jnp.result_type(float))
+    try:
+        weight = xp.broadcast_to(weight, shape)
+    except ValueError:
+        axes = "bonds" if len(shape) == 1 else "points, bonds"
+        raise ValueError(f"weight must have shape ({axes}) = {shape}, or broadcast to it; got {weight.shape}") from None
+    ok = xp.isfinite(weight).all() & (weight >= 0).all()
+    return require(weight, ok, "bond weights must be finite and >= 0")
 
 
 class Family(eqx.Module):
@@ -92,7 +100,7 @@ class Family(eqx.Module):
         return Bonds(self.xi, eta, omega, volume, self.horizon)
 
     def with_weight(self, weight: Float[Array | np.ndarray, " bonds"]) -> "Family":
-        """The family with bond weights β ∈ [0, 1]; opposite bonds must weigh the same (one bond, two ends)."""
+        """The family with bond weights β ≥ 0; opposite bonds must weigh the same (one bond, two ends)."""
         checked = _weight(weight, self.influence.shape)
         half = checked.shape[0] // 2
         even = abs(checked[:half] - checked[half:]) <= 1e-12
@@ -108,11 +116,12 @@ def cells_within(dim: int, N: float) -> np.ndarray:
     return cells[(square > 0) & (square <= (N * (1 + TIE)) ** 2)]
 
 
+@taught
 def lattice_family(dim: int, N: float, spacing=1.0, influence: Callable = constant_influence) -> Family:
     """The family of an interior point of a uniform lattice, horizon δ = N · spacing.
 
     Arguments: dim 1, 2 or 3; N horizon over spacing [-], ≥ 1, not traced; spacing [length];
-        influence a callable (r, δ) → ω ≥ 0 (see `pdjax.influence`).
+        influence a callable (r, δ) → ω ≥ 0 or the name of one (see `pdjax.influence`).
     Returns: `Family` in centro-symmetric order.
     Raises: ValueError for dim, N, spacing or an influence that is negative or zero everywhere.
     """
@@ -157,7 +166,7 @@ class Families(eqx.Module):
     neighbours (points, bonds): index j of the neighbour; reverse (points, bonds): the slot of i in j's family.
     xi (points, bonds, dim), influence and weight (points, bonds), volumes (points,), horizon.
     `count` (points,) is the number of true bonds. `shape`, `spacing` are kept from a lattice, and its stencil in `grid`
-    (None for clouds and for bonds with weights of their own).
+    (None for clouds and for bonds with weights of their own). `positions` (points, dim) [length] are the body's.
     """
 
     neighbours: Int[Array, "points bonds"] | Any  # these five: None for a lattice with arrays=False
@@ -171,6 +180,7 @@ class Families(eqx.Module):
     spacing: float | None = eqx.field(static=True, default=None)
     shape: tuple[int, ...] | None = eqx.field(static=True, default=None)
     grid: Grid | None = None
+    positions: Float[Array | np.ndarray, "points dim"] | None = None
 
     @property
     def dim(self) -> int:
@@ -183,6 +193,13 @@ class Families(eqx.Module):
     def dtype(self):
         """Of everything real here."""
         return self.volumes.dtype
+
+    @property
+    def is_bond(self) -> Bool[Array | np.ndarray, "points bonds"]:
+        """Which slots (points, bonds) hold a bond. The others are padding: `influence` there is not 0, `weight` is."""
+        self.need_arrays()
+        xp = namespace(self.count)
+        return xp.arange(self.xi.shape[1]) < xp.asarray(self.count)[:, None]
 
     def bonds(
         self, u: Float[Array | np.ndarray, "points dim"], F: Float[Array | np.ndarray, "dim dim"] | None = None
@@ -213,7 +230,7 @@ class Families(eqx.Module):
         return Bonds(-bonds.xi, -bonds.eta, omega, volume, bonds.horizon)
 
     def with_weight(self, weight: Float[Array | np.ndarray, "points bonds"]) -> "Families":
-        """The families with bond weights β ∈ [0, 1] times the present ones (padding stays 0)."""
+        """The families with bond weights β ≥ 0 times the present ones (padding stays 0)."""
         self.need_arrays()
         factor = _weight(weight, self.weight.shape)
         product = (on_host(self.weight) if in_host_memory(self.weight, factor) else self.weight) * factor

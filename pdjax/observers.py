@@ -37,7 +37,11 @@ def _check_points(points: np.ndarray, mask: int | None, scene: Scene) -> None:
 
 def check_observers(scene: Scene, observers: dict[str, Any]) -> None:
     """Ask every observer that can tell whether it fits the scene. JAX would read another point without a word."""
-    for observer in observers.values():
+    if not isinstance(observers, dict):
+        raise ValueError(f"observers must be a dict, name → function (scene, snapshot); got {observers!r:.80}")
+    for name, observer in observers.items():
+        if not callable(observer):
+            raise ValueError(f"observer {name!r} must be a function (scene, snapshot) → array; got {observer!r:.80}")
         if hasattr(observer, "check"):
             observer.check(scene)
 

@@ -10,14 +10,18 @@ False) says that 1 + a is a stretch, so that a > −1 is needed.
     simple shear     F = I + a e₁⊗e₂
 """
 
+import functools
 from collections.abc import Callable
 from typing import Any
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 import optimistix as optx
 from jaxtyping import Array, Float
 
+from ._checks import is_concrete
+from ._doors import taught
 from .force import affine_stress
 from .models.base import AbstractModel
 from .neighbours import Family
@@ -25,11 +29,28 @@ from .neighbours import Family
 Path = Callable[[Any, AbstractModel, Family], Float[Array, "dim dim"]]
 
 
+def check_stretch(a: Any) -> None:
+    """Refuse loads, where they are known, whose stretch 1 + a is none."""
+    if is_concrete(a):
+        loads = np.atleast_1d(np.asarray(a, dtype=float))
+        bad = ~(loads > -1)
+        if bad.any():
+            i = int(np.argmax(bad))
+            which = f"a[{i}] = {loads[i]:g}" if np.ndim(a) else f"a = {loads[0]:g}"
+            raise ValueError(f"a must be > -1, for 1 + a is a stretch of this path; got {which}")
+
+
 def _keeps(symmetry: str, stretch: bool = True):
     def mark(path):
-        path.symmetry = symmetry
-        path.stretch = stretch
-        return path
+        @taught
+        @functools.wraps(path)
+        def checked(a, model, fam):
+            if stretch:
+                check_stretch(a)
+            return path(a, model, fam)
+
+        checked.symmetry, checked.stretch = symmetry, stretch  # type: ignore[attr-defined]
+        return checked
 
     return mark
 

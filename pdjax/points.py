@@ -13,6 +13,7 @@ import equinox as eqx
 import numpy as np
 
 from ._checks import finite
+from ._doors import taught
 
 
 class Points(eqx.Module):
@@ -20,7 +21,8 @@ class Points(eqx.Module):
 
     `spacing` and `shape` are set for lattices, `shape` only where every cell is filled; `period` holds the box
     lengths of the periodic directions (inf where not periodic), or is None. A body cut out of a lattice keeps the
-    `cells` it was cut from and its `sites` (points,), their numbers in row-major order.
+    `cells` it was cut from and its `sites` (points,), their numbers in row-major order. `precision` [length] is how
+    far the coordinates may be off, where they came as numbers of few digits (0: as double precision has them).
     """
 
     positions: np.ndarray
@@ -30,6 +32,7 @@ class Points(eqx.Module):
     period: tuple[float, ...] | None = eqx.field(static=True, default=None)
     cells: tuple[int, ...] | None = eqx.field(static=True, default=None)
     sites: np.ndarray | None = None
+    precision: float = eqx.field(static=True, default=0.0)
 
     @property
     def dim(self) -> int:
@@ -51,13 +54,16 @@ class Points(eqx.Module):
         return self.positions.shape[0]
 
 
+@taught
 def cloud(positions, volumes, period: Sequence[float] | None = None) -> Points:
     """Any set of points.
 
-    Arguments: positions (points, dim) [length], dim 1 to 3; volumes (points,) or one number [length^dim]; period (dim,)
-        box lengths of a periodic set [length], inf where it is not periodic.
+    Arguments: positions (points, dim) [length], dim 1 to 3, whose dtype tells how many digits are known; volumes
+        (points,) or one number [length^dim]; period (dim,) box lengths of a periodic set [length], inf where it is not
+        periodic.
     Raises: ValueError for a wrong shape, NaN, a volume or period ≤ 0. Duplicates are found by `families`.
     """
+    given = np.asarray(positions).dtype
     positions = finite("positions", positions)
     if positions.ndim != 2 or positions.shape[1] not in (1, 2, 3) or positions.shape[0] == 0:
         raise ValueError(f"positions must have shape (points, dim) with dim 1, 2 or 3; got {positions.shape}")
@@ -67,14 +73,17 @@ def cloud(positions, volumes, period: Sequence[float] | None = None) -> Points:
     volumes = np.broadcast_to(volumes, (len(positions),)).copy()
     if (volumes <= 0).any():
         raise ValueError(f"volumes must be > 0; point {int(np.argmin(volumes))} has {volumes.min()}")
+    eps = np.finfo(given).eps if given.kind == "f" else 0.0
+    precision = float(eps * np.abs(positions).max())
     if period is None:
-        return Points(positions, volumes)
+        return Points(positions, volumes, precision=precision)
     period = tuple(float(p) for p in np.atleast_1d(period))
     if len(period) != positions.shape[1] or not all(p > 0 for p in period):
         raise ValueError(f"period must hold {positions.shape[1]} lengths > 0 (inf: not periodic); got {period}")
-    return Points(positions, volumes, period=period)
+    return Points(positions, volumes, period=period, precision=precision)
 
 
+@taught
 def lattice(shape: Sequence[int], spacing: float = 1.0, periodic: bool | Sequence[bool] = False, mask=None) -> Points:
     """A uniform lattice of `shape` cells (one number an axis, 1 to 3 axes) of side `spacing` [length].
 
@@ -118,6 +127,7 @@ def _box(lengths: Sequence[float], spacing: float) -> Points:
     return lattice(shape, spacing)
 
 
+@taught
 def bar(n: int, length: float = 1.0) -> Points:
     """A 1D bar of `n` points filling [0, length]; spacing length / n."""
     if n < 1:
@@ -125,6 +135,7 @@ def bar(n: int, length: float = 1.0) -> Points:
     return lattice((n,), length / n)
 
 
+@taught
 def plate(lengths: Sequence[float], spacing: float) -> Points:
     """A 2D rectangle of `lengths` (2,) [length] filled by a lattice of `spacing`."""
     if len(lengths) != 2:
@@ -132,6 +143,7 @@ def plate(lengths: Sequence[float], spacing: float) -> Points:
     return _box(lengths, spacing)
 
 
+@taught
 def cuboid(lengths: Sequence[float], spacing: float) -> Points:
     """A 3D cuboid of `lengths` (3,) [length] filled by a lattice of `spacing`."""
     if len(lengths) != 3:

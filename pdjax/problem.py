@@ -21,7 +21,8 @@ import scipy.sparse as sp
 from jaxtyping import Array, Bool, Float, Int
 
 from ._checks import as_array, deformation_gradient, is_concrete, namespace, on_device, on_host
-from .conditions import BodyForce, Condition, HomogeneousTraction, Prescribed, TotalForce, check_points
+from ._doors import taught
+from .conditions import Condition, HomogeneousTraction, Prescribed, TotalForce, check_points
 from .evaluate import ForceOperator, force_density, force_operator
 from .force import check_model
 from .models.base import AbstractModel
@@ -151,11 +152,17 @@ def _load(conditions: Sequence[Condition], body: Points, fams: Families, model, 
             force = on_host(force_density(pulled, fams, on_device(np.zeros(held.shape)), F))
             b = namespace(force).where(held[p], 0.0, -force[p])
         elif isinstance(condition, TotalForce):
-            b = _spread(on_host(condition.force) / float(body.volumes[p].sum()), shape, "force of total_force")
-        elif isinstance(condition, BodyForce):
-            b = _spread(condition.b, shape, "b of body_force")
+            force = on_host(condition.force)
+            if np.shape(force) not in ((body.dim,), () if body.dim == 1 else (body.dim,)):
+                raise ValueError(
+                    f"force of total_force must be a vector ({body.dim},), one component for each direction; got shape"
+                    f" {np.shape(force)}"
+                )
+            b = _spread(force / float(body.volumes[p].sum()), shape, "force of total_force")
         else:
-            raise ValueError(f"conditions must come from prescribe, body_force, total_force …; got {condition!r}")
+            if body.dim > 1 and np.ndim(condition.b) == 0:
+                raise ValueError(f"b of body_force must be a vector ({body.dim},) or one for each point; got a number")
+            b = _spread(condition.b, shape, "b of body_force")
         value = b if is_concrete(b) else jax.lax.stop_gradient(b)
         clash = held[p] & ((np.asarray(value) != 0) if is_concrete(value) else False)
         if clash.any():
@@ -192,10 +199,12 @@ def _rigid_motions(positions: np.ndarray, periodic: bool) -> tuple[np.ndarray, l
 
 def _name_motions(loose: np.ndarray, names: list[str], dim: int) -> list[str]:
     """Names of free motions (motions, coefficients): what turns at all is a rotation, about some held point."""
-    turning = np.abs(loose[:, dim:]) > 1e-6
-    found = {int(np.argmax(np.abs(row[:dim]))) for row in loose[~turning.any(axis=1)]}
-    found |= {dim + int(np.argmax(np.abs(row[dim:]))) for row in loose[turning.any(axis=1)]}
-    return [names[k] for k in sorted(found)]
+    size, directions = np.linalg.svd(loose, full_matrices=False)[1:]
+    span = directions[size > 1e-9 * size[0]]
+    share = np.sum(span**2, axis=0)  # how much of each motion is free
+    pure = [k for k in range(len(names)) if share[k] > 1 - 1e-6]
+    mixed = sorted((k for k in range(len(names)) if k not in pure), key=lambda k: (k < dim, -share[k]))
+    return [names[k] for k in sorted([*pure, *mixed[: len(span) - len(pure)]])]
 
 
 def _check_held(body: Points, fams: Families, held: np.ndarray) -> None:
@@ -224,10 +233,30 @@ def _check_held(body: Points, fams: Families, held: np.ndarray) -> None:
             where = "the body" if pieces == 1 else f"piece {piece + 1} of {pieces} (the one of point {inside[0]})"
             raise ValueError(
                 f"{where} is under-constrained: nothing holds its {', '.join(names)}"
-                f" ({len(loose)} rigid motions free); prescribe displacements that stop them"
+                f" ({len(loose)} rigid motions free); prescribe displacements that stop them, or make the scene with"
+                " moving=True if it is to move in time"
             )
 
 
+def _check_kinds(body: Any, fams: Any, model: Any, conditions: Sequence[Any]) -> None:
+    """Refuse what stands in another's place."""
+    if not isinstance(body, Points):
+        raise ValueError(f"body must be Points (lattice, bar, plate, cuboid, cloud); got {type(body).__name__}")
+    if not isinstance(fams, Families):
+        raise ValueError(f"fams must be Families, of pd.families(body, horizon); got {type(fams).__name__}")
+    if not isinstance(model, AbstractModel):
+        raise ValueError(f"model must be a pdjax model such as SethHill or Correspondence; got {model!r:.80}")
+    for condition in conditions:
+        if isinstance(condition, list | tuple) and not isinstance(condition, Condition):
+            raise ValueError(
+                "conditions are given one by one, scene(body, fams, model, held, pulled): put a star before a list of"
+                " them, *conditions"
+            )
+        if not isinstance(condition, Condition):
+            raise ValueError(f"conditions must come from prescribe, body_force, total_force …; got {condition!r:.80}")
+
+
+@taught
 def scene(
     body: Points,
     fams: Families,
@@ -247,6 +276,7 @@ def scene(
     Raises: ValueError for families of another body, contradictory prescriptions, a load on a held component,
         nothing left free, or a rigid motion of a piece that nothing holds (named).
     """
+    _check_kinds(body, fams, model, conditions)
     if len(fams) != len(body) or fams.dim != body.dim:
         raise ValueError(f"fams must be families of this body of {len(body)} points; got those of {len(fams)} points")
     if mean is not None and body.period is None:

@@ -76,6 +76,7 @@ def _refuse(model: AbstractModel, fams: Family | Families) -> None:
     # smallest over largest eigenvalue of an exactly singular tensor: below 4 eps by rounding (1e-16, 3e-8 in float32)
     least = 1e-10 if bonds.xi.dtype == np.float64 else 1e-6
     bad = ~(values[..., 0] > least * values[..., -1])
+    bad &= (bonds.omega > 0).any(axis=-1).reshape(-1, *(1,) * (bad.ndim - 1))  # an empty family has no force
     if not bad.any():
         return
     i = int(np.flatnonzero(bad)[0]) if bad.ndim == 1 else int(np.argwhere(bad)[0, 0])

@@ -10,6 +10,7 @@ import jax
 from jaxtyping import Array, Float
 
 from ._checks import choice
+from ._doors import taught
 from .assembly import sparse_jacobian
 from .coloring import coloured_jacobian
 from .evaluate import ForceOperator, force_operator
@@ -23,6 +24,7 @@ def _along(operator: ForceOperator, u: Array, v: Array, F: Array | None) -> Arra
     return jax.jvp(lambda w: operator(w, F), (u,), (v,))[1]
 
 
+@taught
 def jvp(model: AbstractModel, fams: Families, u, v, F=None) -> Float[Array, "points dim"]:
     """J v, the directional derivative of the force density at u along v (points, dim) [length]."""
     operator = force_operator(model, fams, mean=F is not None)
@@ -30,6 +32,7 @@ def jvp(model: AbstractModel, fams: Families, u, v, F=None) -> Float[Array, "poi
     return _along(operator, u, v, F)
 
 
+@taught
 def jacobian(model: AbstractModel, fams: Families, u, form: str = "sparse", F=None):
     """The exact Jacobian ∂f/∂u of a body, (points·dim, points·dim) [force/length^(dim+1)].
 

@@ -16,6 +16,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from ._checks import as_real, deformation_gradient, is_concrete, namespace, on_device, require
+from ._doors import taught
 from .bloch import homogeneous_tangent, modulus_at_rest, wave_phases
 from .cosine_series import symbol_slopes, symbols
 from .criteria.outcome import margin_tolerance
@@ -97,6 +98,7 @@ def _positive(density, dtype) -> Any:
     return density
 
 
+@taught
 def dispersion(model: AbstractModel, fam: Family, F, k, density=1.0) -> Dispersion:
     """Frequencies of plane waves on the infinite lattice deformed by x = F X.
 
@@ -120,6 +122,7 @@ def _classical(model: AbstractModel, F: Array, k: Array, density: Array) -> Arra
     return jnp.where(square >= 0, jnp.sqrt(jnp.where(square > 0, square, 0.0)), jnp.nan)
 
 
+@taught
 def classical_frequency(model: AbstractModel, F, k, density=1.0) -> Float[Array, "waves dim"]:
     """ω (waves, dim) [1/time] of plane waves in the classical law behind a model, slowest first: straight lines in |k|.
 

@@ -1,13 +1,18 @@
 """Float64 for every test, shapes and types checked at every call, and one folder of compiled programs for all workers.
 
-Most of the tests' time is compiling. What one worker, notebook or command has compiled, the others read from the
-folder; it is made by the process that starts the workers, named in the environment that they inherit, and removed at
-the end. A folder named in JAX_COMPILATION_CACHE_DIR is used instead and stays.
+Most of the tests' time is compiling, so XLA is told not to optimise, which takes half of the time. With XLA_FLAGS=" "
+in the environment the tests have the programs that users get. What one worker, notebook or command has compiled, the
+others read from the folder; it is made by the process that starts the workers, named in the environment that they
+inherit, and removed at the end. A folder named in JAX_COMPILATION_CACHE_DIR is used instead and stays.
 """
 
+import importlib.metadata
 import os
 import tempfile
 from pathlib import Path
+
+if "XLA_FLAGS" not in os.environ and importlib.metadata.version("jaxlib").startswith("0.10."):  # the flags it knows
+    os.environ["XLA_FLAGS"] = "--xla_backend_optimization_level=0 --xla_cpu_use_fusion_emitters=false"
 
 import jax
 import pytest

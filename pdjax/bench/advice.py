@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from .._doors import taught
 from ..dynamics.system import Motion
 from ..problem import Scene
 
@@ -108,6 +109,7 @@ def _worst(rows: list[dict]) -> list[dict]:
     ]
 
 
+@taught
 def advise(scene: Any, tol: float, data: str | os.PathLike | None = None) -> Advice:
     """The cheapest measured setting whose error meets a tolerance.
 

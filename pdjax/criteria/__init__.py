@@ -13,6 +13,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .._checks import choice, deformation_gradient, is_concrete, on_device, still
+from .._doors import taught
 from ..force import check_model
 from ..lattice_states import check_at_rest
 from ..models.base import AbstractModel
@@ -82,6 +83,7 @@ def _with_derivative(model, fam, F, criterion: str, intervals: int, symmetry: st
     return evaluate(criterion, model, fam, F, zone, found.at, fastest=True)
 
 
+@taught
 def stability(
     model: AbstractModel, fam: Family, F, criterion: str = "symbol", resolution: int | None = None
 ) -> Stability:

@@ -18,6 +18,7 @@ import scipy.sparse as sp
 from jaxtyping import Array
 
 from .._checks import choice
+from .._doors import taught
 from ..force import point_field
 from ..problem import Scene
 from ..reduced import (
@@ -175,6 +176,7 @@ def _certified_top(H: sp.csc_array, count: int, tolerance: float) -> tuple:
     raise Singular("the top of the spectrum was not bracketed in 6 shifts")
 
 
+@taught
 def body_spectrum(scene: Scene, u=None, count: int | None = None, factor: float = 1.0, method: str = "auto") -> tuple:
     """The largest eigenvalues of the reduced Jacobian, largest first, and their modes.
 
@@ -236,6 +238,7 @@ def body_spectrum(scene: Scene, u=None, count: int | None = None, factor: float 
     return values, modes, about
 
 
+@taught
 def body_stability(scene: Scene, u=None, factor: float = 1.0, method: str = "auto") -> BodyStability:
     """Is a finite body stable at a displacement: the largest eigenvalue of its Jacobian, its mode, and the count.
 
@@ -256,6 +259,7 @@ def body_stability(scene: Scene, u=None, factor: float = 1.0, method: str = "aut
     )
 
 
+@taught
 def body_inertia(scene: Scene, u=None, factor: float = 1.0) -> int:
     """How many eigenvalues of the reduced Jacobian exceed rounding, from one sparse factor.
 

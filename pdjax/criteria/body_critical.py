@@ -18,6 +18,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
+from .._doors import taught
 from ..problem import Scene, still
 from ..reduced import Factor, Singular, as_operator, count_positive, matrix, product_rate, unknown_volumes
 from .body import _full, _norm, _scaled, _tolerance, closed_form, nearest, need_energy, shifted
@@ -97,6 +98,7 @@ class _Walk:
         return BodyCritical(float(factor), mode, tuple(self.seen), proved)
 
 
+@taught
 def body_critical_load(
     scene: Scene,
     path: Callable[[Any], Any] | None = None,

@@ -21,6 +21,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .._checks import as_array, choice, computed, is_concrete, still
+from .._doors import taught
 from ..bloch import homogeneous_tangent, modulus_at_rest, wave_phases
 from ..force import check_model
 from ..laws import Law
@@ -205,6 +206,7 @@ def _secant(low: float, high: float, seen: list[np.ndarray], real: Any) -> float
     return 0.0 if high <= SMALLEST or abs(edge) <= min(blur, 1e-3) else float(edge)
 
 
+@taught
 def critical_load(
     model: AbstractModel,
     fam: Family,
@@ -248,6 +250,7 @@ def critical_load(
     return _with_derivative(model, fam, path, criterion, sign, zone.intervals, zone.symmetry, bracket)
 
 
+@taught
 def load_slope(model: AbstractModel, fam: Family, path: Path = hydrostatic, side: str = "positive") -> Float[Array, ""]:
     """How fast a load destabilises the half-reciprocal waves that cost nothing at rest.
 
@@ -282,6 +285,7 @@ def _slopes(orders, fam, law, path, side: str) -> Array:
     return jax.lax.map(lambda m: load_slope(SethHill(m, law), fam, path, side), orders)
 
 
+@taught
 def stable_orders(
     fam: Family,
     law: Law,

@@ -17,6 +17,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from .._checks import as_array, as_real, check_positive, is_concrete, namespace, on_device, on_host
+from .._doors import taught
 from ..force import point_field
 from ..problem import Scene
 
@@ -145,6 +146,7 @@ def _density(density: Any, points: int, dtype: Any) -> Array:
     return density
 
 
+@taught
 def motion(
     scene: Scene,
     density=1.0,

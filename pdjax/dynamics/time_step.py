@@ -7,6 +7,7 @@ matrix is stored. Lanczos comes from below, so Δt_cr comes from above, within A
 import numpy as np
 
 from .._checks import is_concrete
+from .._doors import taught
 from ..force import point_field
 from ..problem import still
 from ..reduced import as_operator, product
@@ -16,6 +17,7 @@ ACCURACY = 1e-3  # of ω_max²
 SAFETY = 0.8  # of the critical step at the start, where none is given: bodies stiffen as they deform
 
 
+@taught
 def critical_time_step(motion: Motion, u=None, t=0.0) -> float:
     """Δt_cr = 2/ω_max [time] of velocity Verlet and central differences, linearised at u.
 
@@ -23,6 +25,10 @@ def critical_time_step(motion: Motion, u=None, t=0.0) -> float:
     nothing resists.
     Raises: ValueError under jit or vmap (it runs on the host), or where the forces at u are not finite.
     """
+    if not isinstance(motion, Motion):
+        raise ValueError(
+            f"motion must be a Motion (pdjax.motion(scene, density) or a moving scene); got {type(motion).__name__}"
+        )
     motion = still(motion)
     scene, density = motion.scene, motion.density
     if not is_concrete(motion, u):

@@ -21,8 +21,8 @@ ZERO = 1e-9  # of the largest displacement: what rounding leaves of a component 
 
 
 class Branch(NamedTuple):
-    """One curve of `dispersion_curves`: a name, k (waves,), ω (waves,), a line style, and zeros to mark (waves,) or
-    None."""
+    """One curve of `dispersion_curves`: a name, k (waves,), ω (waves,), a line style, and what to mark on the axis or
+    None: a mask (waves,) or the numbers of waves."""
 
     name: str
     k: np.ndarray
@@ -52,8 +52,8 @@ def dispersion_curves(
             shade = fixed.get(branch.name, SERIES[colour % len(SERIES)])
             colour += branch.name not in fixed
             panel.plot(branch.k, branch.omega, branch.style, color=shade, linewidth=1.4, label=branch.name)
-            if branch.zero is not None and branch.zero.any():
-                at = branch.k[branch.zero]
+            at = [] if branch.zero is None else np.asarray(branch.k)[np.asarray(branch.zero)]
+            if len(at):
                 ring: dict[str, Any] = {"mfc": "none", "mec": COLOURS["symbol"], "ms": 8, "clip_on": False, "zorder": 5}
                 rings += panel.plot(at, np.zeros_like(at), "o", **ring)
         panel.set_title(name, fontsize=10)

@@ -99,12 +99,40 @@ def _printed(grid: StabilityMap, N: float) -> np.ndarray | None:
     return np.array([np.asarray(bracket(grid.a, m)) for m in orders])
 
 
+def _one_row(grid: StabilityMap, horizon: int) -> Figure:
+    """Margins of every criterion along the axis of a map that has more than one value."""
+    pick = (lambda x: x[horizon]) if grid.margin.ndim == 3 else (lambda x: x)
+    settings, N = grid.settings, float(grid.N[horizon])
+    by_load = len(grid.m) == 1
+    figure = Figure(figsize=(6.4, 4.4), layout="constrained")
+    axes = figure.subplots()
+    curves = {settings["criterion"]: (grid.m, grid.a, pick(grid.margin))}
+    curves |= {name: (grid.line_m, grid.line_a, pick(values)) for name, values in grid.lines.items()}
+    for name, (m, a, values) in curves.items():
+        along, style = (a if by_load else m), STYLES.get(name, "-")
+        marker = "o" if len(along) == 1 else None
+        axes.plot(along, values.reshape(-1), style, marker=marker, color=COLOURS[name], label=LABELS.get(name, name))
+    axes.axhline(0, color="#888888", linewidth=0.8)
+    load = f"{settings['path'].replace('_', ' ')} load a"
+    axes.set_xlabel(f"{load}  [%]" if by_load else f"{settings.get('parameter', 'm')}  [–]")
+    axes.set_ylabel("margin  [–]   (above 0: unstable)")
+    if by_load:
+        _percent(axes.xaxis)
+    axes.legend(fontsize=9, frameon=False)
+    held = f"m = {grid.m[0]:g}" if by_load else f"a = {100 * grid.a[0]:g} %"
+    figure.suptitle(f"{settings['dim']}D, N = {N:g}, {settings['law']}, {held}", fontsize=11)
+    return figure
+
+
 def stability_map(grid: StabilityMap, horizon: int = 0) -> Figure:
     """The regions of a map at a glance: the exact verdict, and beside it the diagonal's where the map holds it.
 
     Arguments: grid from `pdjax.stability_map`; horizon: which N, if the map has several.
-    Lines are where each criterion's margin is zero; the paper's printed criterion is dashed.
+    Lines are where each criterion's margin is zero; the paper's printed criterion is dashed. A map of one order or of
+    one load is drawn as the margins along the other.
     """
+    if min(len(grid.m), len(grid.a)) < 2:
+        return _one_row(grid, horizon)
     pick = (lambda x: x[horizon]) if grid.margin.ndim == 3 else (lambda x: x)
     settings, N = grid.settings, float(grid.N[horizon])
     main = settings["criterion"]
@@ -214,11 +242,11 @@ def bars(
     return figure
 
 
-def dispersion(k, eigenvalues, ticks, labels, title: str) -> Figure:
+def dispersion(k, eigenvalues, ticks, labels, title: str, line: str = "the line") -> Figure:
     """Eigenvalues of the symbol along a line of wave vectors: above zero they grow.
 
     Arguments: k (waves,) arc length along the line; eigenvalues (waves, dim), already without unit; ticks, labels of
-    corners.
+    corners; line: what line it is, in words.
     """
     figure = Figure(figsize=(6.4, 4.2), layout="constrained")
     axes = figure.subplots()
@@ -232,7 +260,7 @@ def dispersion(k, eigenvalues, ticks, labels, title: str) -> Figure:
     axes.axhline(0, color="#888888", linewidth=0.8)
     axes.set_xticks(ticks, labels)
     axes.set_xlim(k[0], k[-1])
-    axes.set_xlabel("wave vector k along the edges of the Brillouin zone")
+    axes.set_xlabel(f"wave vector k along {line}")
     axes.set_ylabel("eigenvalue of the symbol, λ h² / M  [–]")
     axes.set_title(title, fontsize=10)
     return figure

@@ -2,7 +2,8 @@
 
     h_b = {k in H : |ξ_k − ξ_b| ≤ r δ},   K_b = Σ_{k∈h_b} w_k ξ_k⊗ξ_k,   F_b = I + (Σ_{k∈h_b} w_k η_k⊗ξ_k) K_b⁻¹,
 
-**Energy-consistent** (`BondAssociated`): W = Σ_b v_b ψ(F_b), v_b = V_b/Σ V_b, and so
+**Energy-consistent** (`BondAssociated`): W = Σ_b v_b ψ(F_b), v_b = V_{h_b}/Σ_b V_{h_b} with the volume V_{h_b} of the
+bond's sub-family, as published and as public codes have it, and so
 
     T_k = ω_k Σ_{b: k∈h_b} v_b P_b K_b⁻¹ ξ_k.
 
@@ -18,7 +19,7 @@ from typing import ClassVar
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from .._checks import as_real, check_positive
 from ..kinematics import solve_positive
@@ -37,9 +38,7 @@ class _SubFamilies(GradientModel):
 
     def _members(self, bonds: Bonds) -> Float[Array, "bonds bonds"]:
         """w_k where k belongs to h_b, else 0: (b, k)."""
-        apart = jnp.sum((bonds.xi[:, None, :] - bonds.xi[None, :, :]) ** 2, axis=-1)
-        inside = apart <= (self.r * bonds.horizon * (1 + TIE)) ** 2
-        return jnp.where(inside, (bonds.omega * bonds.volume)[None, :], 0.0)
+        return jnp.where(self._inside(bonds), (bonds.omega * bonds.volume)[None, :], 0.0)
 
     def shape_tensor(self, bonds: Bonds) -> Float[Array, "*sub n n"]:
         """K_b of every bond; of a bond without weight (padding), which has no part in anything, the family's K."""
@@ -54,9 +53,20 @@ class _SubFamilies(GradientModel):
         members = jnp.where((bonds.omega > 0)[:, None], self._members(bonds), 0.0)
         return inverse, jnp.einsum("bk,ki,kj->bij", members, bonds.eta, bonds.xi) @ inverse
 
+    def _inside(self, bonds: Bonds) -> Bool[Array, "bonds bonds"]:
+        """(b, k): whether k belongs to h_b."""
+        apart = jnp.sum((bonds.xi[:, None, :] - bonds.xi[None, :, :]) ** 2, axis=-1)
+        return apart <= (self.r * bonds.horizon * (1 + TIE)) ** 2
+
     def _volumes(self, bonds: Bonds) -> Float[Array, " bonds"]:
         """V of the true bonds, 0 of those without weight."""
         return jnp.where(bonds.omega > 0, bonds.volume, 0.0)
+
+    def _shares(self, bonds: Bonds) -> Float[Array, " bonds"]:
+        """v_b, 0 of a bond without weight."""
+        V = self._volumes(bonds)
+        of_family = jnp.where(V > 0, self._inside(bonds) @ V, 0.0)
+        return of_family / jnp.sum(of_family)
 
 
 class BondAssociated(_SubFamilies):
@@ -64,14 +74,12 @@ class BondAssociated(_SubFamilies):
 
     def energy(self, bonds: Bonds) -> Float[Array, ""]:
         _, H = self._gradients(bonds)
-        V = self._volumes(bonds)
-        return jnp.dot(V, jax.vmap(lambda H: energy_of_gradient(self.law, H))(H)) / jnp.sum(V)
+        return jnp.dot(self._shares(bonds), jax.vmap(lambda H: energy_of_gradient(self.law, H))(H))
 
     def force_state(self, bonds: Bonds) -> Float[Array, "bonds dim"]:
         inverse, H = self._gradients(bonds)
-        V = self._volumes(bonds)
         P = jax.vmap(lambda H: stress_of_gradient(self.law, H))(H)
-        each = (V / jnp.sum(V))[:, None, None] * (P @ inverse)
+        each = self._shares(bonds)[:, None, None] * (P @ inverse)
         member = self._members(bonds)  # (b, k), holds ω_k V_k
         return jnp.einsum("bk,bij,kj->ki", member, each, bonds.xi) / bonds.volume[:, None]
 

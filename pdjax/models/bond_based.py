@@ -23,7 +23,7 @@ from jaxtyping import Array, Float
 
 from .._checks import as_real, check_positive, namespace, on_host, require
 from ..kinematics import log_stretch, seth_hill, stretch_minus_one
-from ..neighbours import Bonds, Family
+from ..neighbours import Bonds, Families, Family
 from .base import PointStateModel, Sums
 from .control import micromodulus
 from .plane import bulk_and_shear, plane_bulk_modulus
@@ -78,13 +78,26 @@ class BondBased(PointStateModel):
         return BondBased.from_bulk(bulk, horizon, dim, plane)
 
     @staticmethod
-    def from_family(bulk, fam: Family) -> "BondBased":
-        """The springs whose d-dimensional bulk modulus is `bulk` [pressure] on this lattice family: c = 2kd²/Σ w|ξ|."""
+    def from_family(bulk, fam: Family | Families) -> "BondBased":
+        """The springs whose d-dimensional bulk modulus is `bulk` [pressure] on this lattice family: c = 2kd²/Σ w|ξ|.
+
+        For the families of a body c (points,) is every point's own, larger where a surface has cut its family. Each end
+        of a bond then pulls with its own point's constant.
+        Raises: ValueError for what is neither, or for a point without bonds.
+        """
+        if not isinstance(fam, Family | Families):
+            raise ValueError(f"fam must be a Family (lattice_family) or Families (families); got {type(fam).__name__}")
+        body = isinstance(fam, Families)
+        if isinstance(fam, Families):
+            fam.need_arrays()
         bulk = as_real(bulk)
         xp = namespace(bulk, fam)
-        bulk, fam = on_host((bulk, fam)) if xp is np else (bulk, fam)
-        length = xp.linalg.norm(fam.xi, axis=1)
-        total = fam.spacing**fam.dim * xp.sum(fam.influence * fam.weight * length)
+        known: Any
+        bulk, known = on_host((bulk, fam)) if xp is np else (bulk, fam)
+        volume = known.volumes[known.neighbours] if body else known.spacing**fam.dim
+        w = known.influence * known.weight * volume
+        total = xp.sum(w * xp.linalg.norm(known.xi, axis=-1), axis=-1)
+        require(total, total > 0, "every family needs a bond with weight for its springs to have a modulus")
         return BondBased(2 * bulk * fam.dim**2 / total)
 
     @property

@@ -14,6 +14,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .._checks import as_real, is_concrete
+from .._doors import taught
 from ..neighbours import Bonds
 from .base import PROMISES, AbstractModel, PointStateModel, Sums, TwoStageModel
 
@@ -89,6 +90,7 @@ for _name in PROMISES:
         setattr(_kind, _name, _OWN[_name] if _name in _OWN else property(attrgetter(f"base.{_name}")))
 
 
+@taught
 def graded(model: AbstractModel, factor) -> AbstractModel:
     """`model` with its energy times `factor`: one number, or one for each point of the body (points,) [-], > 0.
 

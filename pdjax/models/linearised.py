@@ -14,6 +14,7 @@ import jax
 from jaxtyping import Array, Float
 
 from .._checks import as_real, deformation_gradient, is_concrete
+from .._doors import taught
 from ..neighbours import Bonds
 from .base import PointStateModel, Sums
 
@@ -82,6 +83,7 @@ class Linearised(PointStateModel):
         return direct + self.base.bond_force(change, change, at) if jax.tree.leaves(change) else direct
 
 
+@taught
 def linearised(model: PointStateModel, F) -> Linearised:
     """The tangent of `model` about x = F X, itself a model: `force_density(linearised(model, F), fams, v)` is J v.
 

@@ -12,6 +12,7 @@ import equinox as eqx
 import numpy as np
 from jaxtyping import Float
 
+from .._doors import taught
 from ..criteria.body import need_energy
 from ..problem import Scene, still
 from ..reduced import Factor, Singular, load_rate, matrix, relative, residual_and_scale
@@ -37,6 +38,7 @@ class EquilibriumPath(eqx.Module):
         return np.flatnonzero(rise[1:] * rise[:-1] < 0) + 1
 
 
+@taught
 def equilibrium_path(
     scene: Scene,
     states: int = 50,

@@ -70,9 +70,10 @@ def newton(
     tolerance: float,
     max_iterations: int,
     solver: Callable[[Scene, np.ndarray, float], Callable[[Any], Any]],
+    history: list[float] | None = None,
 ) -> tuple[np.ndarray, int, list[float]]:
-    """Newton from q at a fixed load factor → (q, code, relative residuals)."""
-    history: list[float] = []
+    """Newton from q at a fixed load factor → (q, code, relative residuals), which are appended to `history`."""
+    history = [] if history is None else history
 
     def measure(q):
         r, scale = map(np.asarray, residual_and_scale(scene, q, factor))

@@ -53,7 +53,12 @@ def _size(r: Array) -> float:
 
 
 def relaxation(
-    scene: Scene, q: np.ndarray, factor: float, tolerance: float, max_iterations: int
+    scene: Scene,
+    q: np.ndarray,
+    factor: float,
+    tolerance: float,
+    max_iterations: int,
+    history: list[float] | None = None,
 ) -> tuple[np.ndarray, int, list[float]]:
     """Relax from q at a fixed load factor → (q, code, relative residuals, one every CHUNK steps)."""
     mass = np.maximum(*(_gershgorin(scene, scene.displacement(q, where), where) for where in (0.0, float(factor))))
@@ -62,7 +67,8 @@ def relaxation(
     factor_array = np.asarray(factor, q.dtype)
     r, scale = residual_and_scale(scene, q, factor_array)
     size = _size(r)
-    history = [float(relative(size, scale))]
+    history = [] if history is None else history
+    history.append(float(relative(size, scale)))
     v, old = np.zeros_like(q), np.zeros_like(q)
     worst, left = 4 * size, HEAVIER
     while history[-1] > tolerance and (len(history) - 1) * CHUNK < max_iterations:

@@ -13,6 +13,8 @@ import numpy as np
 from jaxtyping import Array
 
 from .._checks import choice, inside_jit, is_concrete, namespace, on_device
+from .._doors import taught
+from .._progress import Residuals
 from ..criteria.body import body_stability
 from ..problem import Scene, still
 from ..reduced import Singular, load_rate, residual_and_scale, residual_of
@@ -27,14 +29,18 @@ ITERATIONS = {"newton": 50, "newton_krylov": 50, "trust_region": 200, "relaxatio
 EASY = 6  # iterations up to which the next load step may grow
 
 
-def _attempt(scene: Scene, method: str, q: np.ndarray, factor: float, tolerance: float, most: int):
+def _attempt(scene: Scene, method: str, q: np.ndarray, factor: float, tolerance: float, most: int, shown: bool):
     if method == "trust_region":
         target, left = (np.asarray(x, q.dtype) for x in (factor, tolerance))  # traced: a new one compiles nothing
         q, code, history = map(np.asarray, trust_region(scene, q, target, left, most))
         return q, int(code), list(history[np.isfinite(history)])
-    if method == "relaxation":
-        return relaxation(scene, q, factor, tolerance, most)
-    return newton(scene, q, factor, tolerance, most, krylov if method == "newton_krylov" else direct)
+    seen = Residuals(factor, shown)
+    try:
+        if method == "relaxation":
+            return relaxation(scene, q, factor, tolerance, most, seen)
+        return newton(scene, q, factor, tolerance, most, krylov if method == "newton_krylov" else direct, seen)
+    finally:
+        seen.end()
 
 
 def _predict(scene: Scene, method: str, q: np.ndarray, factor: float, step: float) -> np.ndarray:
@@ -48,14 +54,14 @@ def _predict(scene: Scene, method: str, q: np.ndarray, factor: float, step: floa
         return q
 
 
-def _climb(scene: Scene, method, q: np.ndarray, step, smallest_step, predictor, tolerance, most) -> tuple:
+def _climb(scene: Scene, method, q: np.ndarray, step, smallest_step, predictor, tolerance, most, shown) -> tuple:
     """Load stepping from q at load factor 0 → (q, factor, code, history, iterations, the step that failed or None)."""
     factor, history, iterations = 0.0, [], 0
     while True:
         size = min(step, 1.0 - factor)
         target = 1.0 if size == 1.0 - factor else factor + size
         trial = _predict(scene, method, q, factor, size) if predictor == "tangent" else q
-        new, code, residuals = _attempt(scene, method, trial, target, tolerance, most)
+        new, code, residuals = _attempt(scene, method, trial, target, tolerance, most, shown)
         if code == CONVERGED and bool(torn(scene.families, scene.displacement(new, target))):
             code = FLOWN
         history += residuals
@@ -93,6 +99,7 @@ def _check(scene, method, tolerance, step, smallest_step, predictor) -> None:
         raise ValueError(f"need 0 < smallest_step <= step <= 1; got step {step}, smallest_step {smallest_step}")
 
 
+@taught
 def solve(
     scene: Scene,
     method: str = "newton",
@@ -104,6 +111,7 @@ def solve(
     tolerance: float | None = None,
     max_iterations: int | None = None,
     stability: bool = True,
+    show_progress: bool = True,
     throw: bool = False,
 ) -> Equilibrium:
     """Equilibrium of a scene at its full load.
@@ -113,7 +121,7 @@ def solve(
         (points, dim) [length], zero by default; step: first load step [-], 1 for all at once; smallest_step: where
         halving ends; predictor "none" (the free points wait, as in the paper's experiment) or "tangent"; tolerance of
         the relative residual (1e-10, in float32 1e-5); max_iterations a load step; stability: look at the spectrum at
-        the end; throw: raise where it does not converge.
+        the end; show_progress: on a terminal, how far the load has come; throw: raise where it does not converge.
     Returns: `Equilibrium`. Its u has exact first and second derivatives, forward and reverse, in all that the
         scene was made of; NaN where it did not converge.
     Raises: ValueError for bad arguments; RuntimeError with the reason if `throw` and not converged.
@@ -134,7 +142,7 @@ def solve(
             raise ValueError(f"method {method!r} runs on the host; under jit or vmap use method='trust_region'")
         return _traced(scene, quiet, q, tolerance, most)
     q, factor, code, history, iterations, failed = _climb(
-        quiet, method, q, step, smallest_step, predictor, tolerance, most
+        quiet, method, q, step, smallest_step, predictor, tolerance, most, show_progress
     )
     u = at = quiet.displacement(q, factor)
     if not is_concrete(scene):  # quiet is, so what flows through it is a derivative

@@ -19,7 +19,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..models.base import PointStateModel, Sums
-from ..models.pointwise import split_model
+from ..models.pointwise import directions_of_rest, split_model
 from ..neighbours import Bonds
 from .components import by_components, join
 from .walks import GridWalk, Slot, Walk
@@ -186,7 +186,8 @@ def reference_moments(model: PointStateModel, points: int, dim: int) -> Any:
 
 
 def reference_sums(split: tuple[Any, Any], walk: Walk, dim: int, horizon: Array) -> Float[Array, "entries flat"]:
-    """Σ of the first tree of `moments`; where there is no point, what a full family has: nothing is singular.
+    """Σ of the first tree of `moments`; where there is no point, what a full family has, and for an empty family
+    what bonds at rest have (`models.pointwise`): nothing is singular.
 
     `split`: (leaves of the model that vary from point to point, the rest), as by `split_model`.
     """
@@ -195,12 +196,16 @@ def reference_sums(split: tuple[Any, Any], walk: Walk, dim: int, horizon: Array)
     varying = _Varying(split, walk)
     sums = _sum_moments(varying, walk, 0, u, None, horizon)
     if walk.filled is None:
-        return sums
+        xi = horizon * directions_of_rest(dim, dim * (dim + 3) // 2).astype(dtype)
+        empty, ones = jnp.all(sums == 0, axis=0), jnp.ones(len(xi), dtype)
+        bonds = Bonds(xi, jnp.zeros_like(xi), ones, ones, horizon)
+    else:
+        empty = walk.filled <= 0
+        bonds = Bonds(walk.xi, jnp.zeros_like(walk.xi), walk.omega, jnp.full(len(walk.xi), walk.cell), horizon)
     first = varying.single()
-    bonds = Bonds(walk.xi, jnp.zeros_like(walk.xi), walk.omega, jnp.full(len(walk.xi), walk.cell), horizon)
     full = jax.vmap(lambda x, e, w, v: first.moments(Bonds(x, e, w, v, horizon))[0])(*bonds[:4])
     rows = jnp.concatenate([jnp.zeros(0, dtype), *(x.sum(axis=0).reshape(-1) for x in jax.tree.leaves(full))])
-    return jnp.where(walk.filled > 0, sums, rows[:, None])
+    return jnp.where(empty, rows[:, None], sums)
 
 
 def _states(single: PointStateModel, of: Callable, own: list, dim: int, dtype: Any, sums: tuple, horizon: Array):

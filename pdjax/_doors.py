@@ -1,0 +1,101 @@
+"""What a public function says where something of the wrong kind was given: a word, not what Python met inside.
+
+Nothing is looked at unless a call has failed. Then the arguments are held against the annotations: a parameter
+annotated with a class of pdjax must be of it, and one annotated as numbers must not be an object, a text or None.
+"""
+
+import functools
+import inspect
+import types
+import typing
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, TypeVar
+
+import equinox as eqx
+import numpy as np
+
+Function = TypeVar("Function", bound=Callable[..., Any])
+
+HOME = str(Path(__file__).parent)
+MADE = {  # how each kind is made
+    "Scene": "pdjax.scene(…) or a function of pdjax.scenes",
+    "Motion": "pdjax.motion(scene, density) or a moving scene of pdjax.scenes",
+    "Points": "lattice, bar, plate, cuboid or cloud",
+    "Family": "pdjax.lattice_family(dim, N)",
+    "Families": "pdjax.families(body, horizon)",
+    "Bonds": "family.bonds(F) or families.bonds(u)",
+    "Law": "LinearElastic, NeoHookean or EnergyLaw",
+    "AbstractModel": "a model such as SethHill or Correspondence",
+    "History": "what pdjax.simulate returns",
+    "StabilityMap": "what pdjax.stability_map returns",
+}
+
+
+def _kinds(hint: Any) -> tuple[type, ...]:
+    """The classes an annotation allows; empty if it says nothing of classes."""
+    if isinstance(hint, types.UnionType) or typing.get_origin(hint) is typing.Union:
+        return tuple(k for part in typing.get_args(hint) for k in _kinds(part))
+    return (hint,) if isinstance(hint, type) else ()
+
+
+def _misfit(name: str, value: Any, hint: Any, default: Any) -> str | None:
+    """What is wrong with an argument, in words, or None."""
+    if value is default:
+        return None
+    kinds = _kinds(hint)
+    told = [MADE[k.__name__] for k in kinds if k.__name__ in MADE]
+    if told:
+        fits = isinstance(value, kinds)
+        names = " or ".join(k.__name__ for k in kinds if k.__name__ in MADE)
+        return None if fits else f"{name} must be {names} ({'; '.join(told)}); got {_shown(value)}"
+    text = str(hint)
+    if "Callable" in text or (kinds and all(k in (str, bool, dict, object) for k in kinds)):
+        return None
+    if kinds and all(k in (int, float) for k in kinds) and np.ndim(value) > 0:
+        return f"{name} must be one number; got an array of shape {np.shape(value)}"
+    function = callable(value) and not hasattr(value, "shape")
+    wrong = value is None or function or isinstance(value, str | eqx.Module | dict)
+    return f"{name} must be numbers; got {_shown(value)}" if wrong and "str" not in text else None
+
+
+def _shown(value: Any) -> str:
+    if isinstance(value, str | int | float | types.NoneType):
+        return repr(value)[:60]
+    return f"a function, {value.__name__}" if inspect.isfunction(value) else type(value).__name__
+
+
+def _own(error: BaseException) -> bool:
+    """Whether the package raised it, not something that it calls."""
+    last, trace = None, error.__traceback__
+    while trace is not None:
+        last, trace = trace.tb_frame.f_code.co_filename, trace.tb_next
+    return last is not None and last.startswith(HOME)
+
+
+def taught(function: Function) -> Function:
+    """The function with errors that name the argument of a wrong kind."""
+    signature = inspect.signature(function)
+
+    @functools.wraps(function)
+    def door(*args: Any, **kwargs: Any) -> Any:
+        try:
+            return function(*args, **kwargs)
+        except Exception as error:
+            if isinstance(error, ValueError) and _own(error):
+                raise
+            try:
+                given = signature.bind(*args, **kwargs).arguments
+            except TypeError:
+                raise error from None  # Python's own words of a wrong name
+            hints = typing.get_type_hints(function)
+            for name, value in given.items():
+                parameter = signature.parameters[name]
+                if parameter.kind in (parameter.VAR_POSITIONAL, parameter.VAR_KEYWORD):
+                    continue
+                said = _misfit(name, value, hints.get(name), parameter.default)
+                if said is not None:
+                    raise ValueError(said) from None
+            raise
+
+    return door  # type: ignore[return-value]
