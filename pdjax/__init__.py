@@ -82,7 +82,7 @@ from .models import (
     linearised,
     plane_bulk_modulus,
 )
-from .neighbour_report import NeighbourReport, neighbour_report
+from .neighbourhoods import NeighbourReport, neighbour_report
 from .neighbours import Bonds, Families, Family, lattice_family
 from .paths import PATHS, hydrostatic, simple_shear, uniaxial_strain, uniaxial_stress
 from .point_fields import cauchy_stress, dilatation, energy_density, von_mises, weighted_volume

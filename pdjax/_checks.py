@@ -6,9 +6,10 @@ guarded by `equinox.error_if`, so that a bad number never travels on silently.
 
 import contextlib
 import dataclasses
+import functools
 import os
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -32,6 +33,60 @@ def computed(program: Any, *arguments: Any) -> Any:
     """What a jitted program gives for values that are known, as NumPy arrays; also while something else is traced."""
     with jax.core.eval_context():
         return jax.device_get(program(*arguments))
+
+
+def computed_in_double(program: Any, *arguments: Any) -> Any:
+    """`computed`, with numbers of 64 bits throughout, also where JAX is set to 32.
+
+    What is computed on the host and decides a verdict is computed so: in 32 bits a stiffness over a length to the
+    fourth is beyond all numbers for a lattice of a micrometre in SI units.
+    """
+
+    with _of_64_bits(True):
+        return computed(program, *_double(arguments))
+
+
+def _double(tree: Any) -> Any:
+    """The tree with its floating arrays in double precision; those that have it stay as they are. Call it where JAX is
+    set to 64 bits."""
+
+    def wide(leaf: Any) -> Any:
+        dtype = {"f": np.float64, "c": np.complex128}.get(getattr(getattr(leaf, "dtype", None), "kind", ""))
+        if dtype is None or leaf.dtype == dtype:
+            return leaf
+        array: np.ndarray = np.asarray(leaf, dtype)
+        return jax.device_put(array) if isinstance(leaf, jax.Array) else array
+
+    return jax.tree.map(wide, tree)
+
+
+def in_double(function: Callable) -> Callable:
+    """A function that runs on the host, given numbers of 32 bits, computes in 64 and answers in 32; see
+    `computed_in_double`. Under a transformation it is itself."""
+
+    def is_single(leaf: Any) -> bool:
+        return getattr(leaf, "dtype", None) == np.float32
+
+    @functools.wraps(function)
+    def run(*args: Any, **kwargs: Any) -> Any:
+        given = (args, kwargs)
+        if not any(map(is_single, jax.tree.leaves(given))) or not is_concrete(given) or inside_jit():
+            return function(*args, **kwargs)
+        with _of_64_bits(True):
+            args, kwargs = _double(given)
+            out = jax.device_get(eqx.filter(answer := function(*args, **kwargs), lambda x: isinstance(x, jax.Array)))
+        narrow = jax.tree.map(lambda x: jax.device_put(np.asarray(x, np.float32) if x.dtype == float else x), out)
+        return eqx.combine(narrow, eqx.filter(answer, lambda x: not isinstance(x, jax.Array)))
+
+    return run
+
+
+def _of_64_bits(on: bool) -> Any:
+    if hasattr(jax, "enable_x64"):
+        return jax.enable_x64(on)
+    from jax.experimental import enable_x64  # type: ignore[attr-defined]  # its old place
+
+    return enable_x64(on)
 
 
 def namespace(*trees: Any) -> Any:

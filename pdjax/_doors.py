@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 import equinox as eqx
+import jax
 import numpy as np
 
 Function = TypeVar("Function", bound=Callable[..., Any])
@@ -29,6 +30,9 @@ MADE = {  # how each kind is made
     "AbstractModel": "a model such as SethHill or Correspondence",
     "History": "what pdjax.simulate returns",
     "StabilityMap": "what pdjax.stability_map returns",
+    "Plane": "Plane(point, normal)",
+    "Segment": "Segment(start, end) in 2D",
+    "Polygon": "Polygon(vertices) in 3D",
 }
 
 
@@ -36,7 +40,7 @@ def _kinds(hint: Any) -> tuple[type, ...]:
     """The classes an annotation allows; empty if it says nothing of classes."""
     if isinstance(hint, types.UnionType) or typing.get_origin(hint) is typing.Union:
         return tuple(k for part in typing.get_args(hint) for k in _kinds(part))
-    return (hint,) if isinstance(hint, type) else ()
+    return (hint,) if isinstance(hint, type) and hint is not Any else ()
 
 
 def _misfit(name: str, value: Any, hint: Any, default: Any) -> str | None:
@@ -49,14 +53,19 @@ def _misfit(name: str, value: Any, hint: Any, default: Any) -> str | None:
         fits = isinstance(value, kinds)
         names = " or ".join(k.__name__ for k in kinds if k.__name__ in MADE)
         return None if fits else f"{name} must be {names} ({'; '.join(told)}); got {_shown(value)}"
-    text = str(hint)
-    if "Callable" in text or (kinds and all(k in (str, bool, dict, object) for k in kinds)):
-        return None
+    if "Callable" in str(hint):
+        return None if callable(value) or isinstance(value, str) else f"{name} must be a function; got {_shown(value)}"
+    if kinds and not any(issubclass(k, int | float | complex | np.ndarray | np.generic | jax.Array) for k in kinds):
+        names = " or ".join(k.__name__ for k in kinds if k is not types.NoneType)
+        return None if isinstance(value, kinds) or object in kinds else f"{name} must be {names}; got {_shown(value)}"
     if kinds and all(k in (int, float) for k in kinds) and np.ndim(value) > 0:
         return f"{name} must be one number; got an array of shape {np.shape(value)}"
-    function = callable(value) and not hasattr(value, "shape")
-    wrong = value is None or function or isinstance(value, str | eqx.Module | dict)
-    return f"{name} must be numbers; got {_shown(value)}" if wrong and "str" not in text else None
+    if isinstance(value, str) and str in kinds:
+        return None
+    ours = type(value).__module__.startswith("pdjax.")
+    strange = value is None or ours or isinstance(value, str | eqx.Module | dict)
+    wrong = strange or (callable(value) and not hasattr(value, "shape"))
+    return f"{name} must be numbers; got {_shown(value)}" if wrong else None
 
 
 def _shown(value: Any) -> str:
@@ -96,6 +105,11 @@ def taught(function: Function) -> Function:
                 said = _misfit(name, value, hints.get(name), parameter.default)
                 if said is not None:
                     raise ValueError(said) from None
+            shapes = ", ".join(f"{n} {np.shape(v)}" for n, v in given.items() if isinstance(v, np.ndarray | jax.Array))
+            if shapes and isinstance(error, TypeError | ValueError | IndexError):
+                error.add_note(
+                    f"{function.__name__} was given arrays of the shapes {shapes}; its docstring tells the right ones"
+                )
             raise
 
     return door  # type: ignore[return-value]

@@ -24,6 +24,7 @@ import scipy.sparse as sp
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array
 
+from ._checks import computed_in_double
 from ._xla import QUICK, quick_jit
 from .linearise import TwoStage, family_tangent, linearise_states, linearise_two_stage
 from .models.base import AbstractModel, PointStateModel, TwoStageModel
@@ -131,14 +132,14 @@ def sparse_jacobian(model: AbstractModel, fams: Families, u: Array, F: Array | N
     """J (points·dim, points·dim) at checked u and mean deformation F (or None), with sorted indices."""
     points, dim = len(fams), fams.dim
     if isinstance(model, PointStateModel):
-        D, D_own, P, P_own, S, S_own = (np.asarray(x, dtype=float) for x in _ring_blocks(model, fams, u, F))
+        D, D_own, P, P_own, S, S_own = computed_in_double(_ring_blocks, model, fams, u, F)
         rings = _Rings.of(fams)
         J = rings.matrix(D, D_own)
         J.sort_indices()
         if S.shape[2]:
             J = J + _product(rings.matrix(P, P_own), rings.matrix(S, S_own))
         return J.tocsr()  # sorted, as both terms were
-    tangents = _tangents(model, fams, u, F)
+    tangents = computed_in_double(_tangents, model, fams, u, F)
     true = np.asarray(fams.weight) > 0
     i, slot = np.nonzero(true)
     j = np.asarray(fams.neighbours)[i, slot]

@@ -26,7 +26,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from ._checks import choice, computed, writable, written_whole
+from ._checks import choice, computed_in_double, writable, written_whole
 from ._doors import taught
 from ._progress import progress
 from .climb import climb
@@ -93,7 +93,7 @@ def critical(model: AbstractModel, fam: Family, path, side: str, criterion: str 
     zone = family_zone(fam, "inversion", GRID[fam.dim] * fam.reach)
 
     def margins(sizes):
-        F = computed(deformations, path, (sign * sizes).astype(fam.xi.dtype), own, fam)
+        F = computed_in_double(deformations, path, sign * sizes, own, fam)
         out = outcomes(criterion, model, fam, F, zone)
         return out.margin, margin_tolerance(fam.xi.dtype, out.scale)
 
@@ -150,7 +150,7 @@ def zero_energy_waves(model: AbstractModel, fam: Family) -> np.ndarray:
     states = checked_states(model, fam, np.eye(fam.dim)[None])
     rings = 3 if isinstance(model, TwoStageModel) else 2
     settings = fam.dim, len(fam.influence), rings, GRID[fam.dim] * fam.reach, symmetry
-    points, values = computed(_zero_search, packed(states.scaled[0]).astype(fam.xi.dtype), *settings)
+    points, values = computed_in_double(_zero_search, packed(states.scaled[0]), *settings)
     tolerance = 100 * float(margin_tolerance(points.dtype))
     found = points[np.abs(values) <= tolerance] / np.pi
     found = found - 2 * np.round(found / 2)

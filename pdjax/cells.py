@@ -36,7 +36,7 @@ from .ties import tie_radius
 
 
 @taught
-def cell_families(body: Points, horizon: float, influence: Callable = constant_influence) -> Families:
+def cell_families(body: Points, horizon: float, influence: Callable | str = constant_influence) -> Families:
     """The families of a fully periodic cell of any size: a neighbour and its images are different bonds.
 
     Arguments: body with a finite period along every axis (`cloud(…, period=…)`, `lattice(…, periodic=True)`); horizon δ

@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ._checks import as_array
+from ._checks import as_array, native
 from ._doors import taught
 
 
@@ -61,7 +61,7 @@ Condition = Prescribed | BodyForce | TotalForce | HomogeneousTraction
 def point_numbers(points) -> tuple[np.ndarray, int | None]:
     """Point numbers from numbers or from a boolean mask, and the length of the mask, which must be the body's."""
     if isinstance(points, np.ma.MaskedArray):
-        raise ValueError("points must be a mask or a list of point numbers; a masked array is neither")
+        points = native("points", points)
     points, mask = np.atleast_1d(np.asarray(points)), None
     if points.dtype == bool and points.ndim == 1:
         points, mask = np.flatnonzero(points), len(points)

@@ -102,7 +102,8 @@ def crossed(families: Families, surface: Surface) -> np.ndarray:
     at = X[:, None] + np.where(crosses, share, 0.0)[..., None] * xi
     for p, d in edges:
         crosses &= (at - p) @ d >= 0
-    return crosses
+    back = np.asarray(families.neighbours), np.asarray(families.reverse)
+    return crosses | crosses[back]  # through the very edge, rounding may see it from one end alone
 
 
 @taught

@@ -20,7 +20,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ._checks import choice, deformation_gradient, inside_jit, is_concrete
+from ._checks import as_array, choice, deformation_gradient, in_host_memory, inside_jit, is_concrete, on_host
 from ._dependence import known_part
 from ._doors import taught
 from ._memory import remember, value_key
@@ -220,6 +220,29 @@ def force_density(model: AbstractModel, fams: Families, u, F=None, way: str = "a
         bodies: η = (F − I) ξ + u_j − u_i; way "families", "slices", "fft", or "auto", the cheapest by measurement.
     Returns: (points, dim) [force/length^dim].
     Raises: ValueError for wrong shapes, NaN, a point whose family is too poor for the model (with its index), or a
-        way that this model or body can't go (with those it can).
+        way that this model or body can't go (with those it can), and outside of transformations for forces that are not
+        finite, naming the bond that has collapsed. A body of points without bonds has none: see `models.pointwise`.
     """
-    return force_operator(model, fams, way, F is not None)(u, F)
+    f = force_operator(model, fams, way, F is not None)(u, F)
+    if in_host_memory(f) and not np.isfinite(np.asarray(f)).all():
+        raise ValueError(_not_finite(fams, np.asarray(f), u, F))
+    return f
+
+
+def _not_finite(fams: Families, f: np.ndarray, u: Any, F: Any) -> str:
+    """What is wrong where forces are not finite: a bond that has collapsed, or numbers beyond their precision."""
+    bad = np.flatnonzero(~np.isfinite(f).all(axis=1))
+    where = f"the forces on {len(bad)} points are not finite, the first is point {bad[0]}"
+    if fams.xi is not None:
+        bonds = on_host(fams.bonds(as_array(u, fams.dtype), F))
+        length = np.linalg.norm(bonds.xi + bonds.eta, axis=-1) / np.linalg.norm(bonds.xi, axis=-1)
+        gone = np.argwhere(np.asarray(fams.is_bond) & ~(length > 1e-12))
+        if len(gone):
+            i, slot = gone[0]
+            j = int(np.asarray(fams.neighbours)[i, slot])
+            return (
+                f"{where}: the bond from point {i} to point {j} has collapsed, both are at one place ({len(gone)} such)"
+            )
+    if fams.dtype == np.float32:
+        return f"{where}; in numbers of 32 bits small lengths in large units overflow: take units near 1, or 64 bits"
+    return f"{where}; does u [length] turn bonds over, or is a constant of the model out of range?"

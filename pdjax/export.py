@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ._checks import moved_whole, on_host, writable, written_whole
+from ._doors import taught
 from .dynamics.history import History
 from .neighbours import Families
 from .points import Points
@@ -71,6 +72,7 @@ def _states(result: Any) -> _States:
     )
 
 
+@taught
 def write_vtk(body: Body, result: Any = None, path: Any = None, fields: dict | None = None) -> Path:
     """Write a body and what was found of it for ParaView.
 

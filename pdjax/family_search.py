@@ -82,7 +82,9 @@ def _warn_of_cut_shell(cut: CutShell, body: Points, horizon: float) -> None:
 
 
 @taught
-def families(body: Points, horizon: float, influence: Callable = constant_influence, arrays: bool = True) -> Families:
+def families(
+    body: Points, horizon: float, influence: Callable | str = constant_influence, arrays: bool = True
+) -> Families:
     """Find every family of a body and pad them into arrays: by cKDTree, on a lattice by its stencil.
 
     Arguments: body of any dim; horizon δ [length]; influence (r, δ) → ω ≥ 0, or its name. arrays=False (lattices only)
@@ -127,7 +129,7 @@ def _refuse_lonely(count: np.ndarray, horizon: float) -> None:
         )
 
 
-def _of_lattice(body: Points, horizon: float, influence: Callable, arrays: bool) -> Families:
+def _of_lattice(body: Points, horizon: float, influence: Callable | str, arrays: bool) -> Families:
     """The families of a lattice by its stencil."""
     assert body.cells is not None and body.spacing is not None
     periodic = tuple(bool(np.isfinite(p)) for p in body.period) if body.period else (False,) * body.dim
@@ -164,7 +166,7 @@ def _of_lattice(body: Points, horizon: float, influence: Callable, arrays: bool)
     return Families(neighbours, reverse, xi, padded, weight, volumes, count, delta, body.spacing, body.shape, grid, at)
 
 
-def pack(body: Points, horizon: float, influence: Callable, directed: tuple[np.ndarray, ...]) -> Families:
+def pack(body: Points, horizon: float, influence: Callable | str, directed: tuple[np.ndarray, ...]) -> Families:
     """Directed bonds (i, j, vectors, index of the opposite bond) → padded arrays."""
     i, j, vectors, opposite = directed
     points = len(body)

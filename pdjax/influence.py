@@ -107,7 +107,8 @@ def named_influence(influence: Any) -> Callable:
     return influence
 
 
-def partial_volume_influence(influence: Callable, spacing) -> Callable:
+@taught
+def partial_volume_influence(influence: Callable | str, spacing) -> Callable:
     """`influence` times the part β of a neighbour's volume that lies within the horizon.
 
         β(r) = ½ + (δ − r)/h between 0 and 1: 1 up to half a spacing h from the horizon, ½ at the horizon

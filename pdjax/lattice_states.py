@@ -5,7 +5,8 @@ of the model. That is all that the symbol, the block at a point, and the search 
 they are NumPy here, and the search is one program for all models (`pdjax.criteria.waves.search`).
 
 The program takes STATES deformations at once and the resting state beside them. What has been linearised is remembered
-with the family.
+with the family. It computes in double precision, also for a family of single precision, so that a verdict does not
+depend on units.
 """
 
 import itertools
@@ -17,7 +18,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ._checks import as_array, computed, deformation_gradient, is_concrete, on_device, require
+from ._checks import as_array, computed_in_double, deformation_gradient, is_concrete, on_device, require
 from ._doors import taught
 from ._memory import remember, value_key
 from ._xla import ONCE, quick_jit
@@ -68,13 +69,13 @@ def _linearise(model: AbstractModel, fam: Family, F: Float[Array, "states dim di
 
 def linearised(model: AbstractModel, fam: Family, F: np.ndarray) -> States:
     """The states F (states, dim, dim) of a concrete model on a concrete, checked family; up to STATES at once."""
-    dim, bonds, real = fam.dim, len(fam.influence), np.dtype(fam.xi.dtype)
+    dim, bonds = fam.dim, len(fam.influence)
     count = len(F)
-    every = np.broadcast_to(np.eye(dim, dtype=real), (STATES + 1, dim, dim)).copy()  # the first stays the resting one
+    every = np.broadcast_to(np.eye(dim), (STATES + 1, dim, dim)).copy()  # the first stays the resting one
     every[1 : count + 1] = F
 
     def make():
-        out = computed(_linearise, model, fam, every, np.asarray(count + 1))
+        out = computed_in_double(_linearise, model, fam, every, np.asarray(count + 1))
         if isinstance(out, StateTangent):
             each = zip(out.b, out.g, out.r, strict=True)
             out = np.stack([series_of_state(*parts) for parts in itertools.islice(each, count + 1)])
@@ -96,7 +97,7 @@ def resting_modulus(model: AbstractModel, fam: Family) -> float:
     def make():
         if has_series(model):
             return linearised(model, fam, np.zeros((0, fam.dim, fam.dim))).modulus
-        return float(computed(modulus_at_rest, model, fam))
+        return float(computed_in_double(modulus_at_rest, model, fam))
 
     return remember(fam, ("modulus", value_key(model)), make)
 

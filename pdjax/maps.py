@@ -21,7 +21,7 @@ import numpy as np
 from jax.sharding import Mesh
 from jaxtyping import Float
 
-from ._checks import as_real, choice, computed, finite, writable, written_whole
+from ._checks import as_real, choice, computed_in_double, finite, writable, written_whole
 from ._doors import taught
 from ._progress import progress
 from .bloch import homogeneous_tangent
@@ -156,7 +156,7 @@ def _evaluated(job: "_Job", make: Callable, path: Path, mesh: Mesh | None) -> li
     found: dict[str, Any] = {}
     able = _from_series(model, job.names, mesh)
     if able:
-        blocks = computed(_linearised_chunk, job.m, job.a, np.asarray(False), fam, make, path)
+        blocks = computed_in_double(_linearised_chunk, job.m, job.a, np.asarray(False), fam, make, path)
         states = States(blocks, _offsets(model, fam), job.modulus, float(fam.spacing))
         found = {name: from_states(name, model, fam, states, zone) for name in able}
         found = {n: (o.margin, o.eigenvalue, margin_tolerance(job.m.dtype, o.scale)) for n, o in found.items()}
@@ -171,7 +171,7 @@ def _check_loads(a: np.ndarray, model: AbstractModel, fam, path: Path) -> None:
     """Refuse loads whose deformation is not one: a stretch 1 + a ≤ 0, or det F ≤ 0 on a user's path."""
     if getattr(path, "stretch", False):
         check_stretch(a)
-    det = np.linalg.det(computed(deformations, path, np.asarray(a, fam.xi.dtype), model, fam))
+    det = np.linalg.det(computed_in_double(deformations, path, np.asarray(a, float), model, fam))
     if (det <= 0).any():
         i = int(np.argmax(det <= 0))
         raise ValueError(f"a must keep det F > 0 along the path; a[{i}] = {a[i]:g} gives det F = {det[i]:g}")
@@ -203,7 +203,7 @@ def _moduli(make: Callable, orders: np.ndarray, fam: Family, path: Path, size: i
     for start in range(0, len(orders), size):
         index = np.minimum(np.arange(start, start + size), len(orders) - 1)
         m = orders[index].astype(fam.xi.dtype)
-        blocks = computed(_linearised_chunk, m, np.zeros_like(m), np.asarray(True), fam, make, path)
+        blocks = computed_in_double(_linearised_chunk, m, np.zeros_like(m), np.asarray(True), fam, make, path)
         values[index] = blocks[:, :, 0, 0] @ along * float(fam.spacing) ** 2
     for model, value in zip(models, values, strict=True):
         check_modulus(model, value)
@@ -248,7 +248,7 @@ def stability_map(
     path: Path = hydrostatic,
     criterion: str = "symbol",
     lines: Sequence[str] = (),
-    influence: Callable = constant_influence,
+    influence: Callable | str = constant_influence,
     resolution: int | None = None,
     save: str | os.PathLike | None = None,
     show_progress: bool = True,

@@ -40,7 +40,7 @@ class Bonds(NamedTuple):
 EACH_BOND = Bonds(0, 0, 0, 0, None)  # type: ignore[arg-type]  # vmap axes: over the bonds of one family, which share δ
 
 
-def checked_influence(influence: Callable, r: np.ndarray | Array, horizon) -> np.ndarray | Array:
+def checked_influence(influence: Callable | str, r: np.ndarray | Array, horizon) -> np.ndarray | Array:
     """ω of bonds of length r, refused where it is no influence; a NumPy array if no value is traced."""
     influence = named_influence(influence)
     with np.errstate(all="ignore"):  # NaN and infinity are refused below
@@ -99,8 +99,8 @@ class Family(eqx.Module):
         eta, omega, volume = on_device((eta, fam.influence * fam.weight, volume))
         return Bonds(self.xi, eta, omega, volume, self.horizon)
 
-    def with_weight(self, weight: Float[Array | np.ndarray, " bonds"]) -> "Family":
-        """The family with bond weights β ≥ 0; opposite bonds must weigh the same (one bond, two ends)."""
+    def with_weight(self, weight: Any) -> "Family":
+        """The family with bond weights β (bonds,) ≥ 0; opposite bonds must weigh the same (one bond, two ends)."""
         checked = _weight(weight, self.influence.shape)
         half = checked.shape[0] // 2
         even = abs(checked[:half] - checked[half:]) <= 1e-12
@@ -117,7 +117,7 @@ def cells_within(dim: int, N: float) -> np.ndarray:
 
 
 @taught
-def lattice_family(dim: int, N: float, spacing=1.0, influence: Callable = constant_influence) -> Family:
+def lattice_family(dim: int, N: float, spacing=1.0, influence: Callable | str = constant_influence) -> Family:
     """The family of an interior point of a uniform lattice, horizon δ = N · spacing.
 
     Arguments: dim 1, 2 or 3; N horizon over spacing [-], ≥ 1, not traced; spacing [length];
@@ -229,8 +229,8 @@ class Families(eqx.Module):
         volume = jnp.broadcast_to(self.volumes[:, None], omega.shape)
         return Bonds(-bonds.xi, -bonds.eta, omega, volume, bonds.horizon)
 
-    def with_weight(self, weight: Float[Array | np.ndarray, "points bonds"]) -> "Families":
-        """The families with bond weights β ≥ 0 times the present ones (padding stays 0)."""
+    def with_weight(self, weight: Any) -> "Families":
+        """The families with bond weights β (points, bonds) ≥ 0 times the present ones (padding stays 0)."""
         self.need_arrays()
         factor = _weight(weight, self.weight.shape)
         product = (on_host(self.weight) if in_host_memory(self.weight, factor) else self.weight) * factor

@@ -67,12 +67,15 @@ def residual_and_scale(scene: Scene, q, factor) -> tuple[Array, Array]:
 
 
 def relative(size, scale) -> Any:
-    """A residual's size by its scale; 0 where both are 0, and a size by no scale is infinite: it never converged."""
+    """A residual's size by its scale; 0 where both are 0, and a size by no scale is infinite: it never converged. NaN
+    where the scale is beyond all numbers of its precision."""
     if not is_concrete(size, scale):
-        return size / jnp.where((size == 0) & (scale == 0), 1.0, scale)
+        left = size / jnp.where((size == 0) & (scale == 0), 1.0, scale)
+        return jnp.where(jnp.isfinite(scale), left, jnp.nan)
     size, scale = np.asarray(size), np.asarray(scale)
     with np.errstate(all="ignore"):
-        return size / np.where((size == 0) & (scale == 0), 1.0, scale)
+        left = size / np.where((size == 0) & (scale == 0), 1.0, scale)
+    return np.where(np.isfinite(scale), left, np.nan)
 
 
 @_kernel

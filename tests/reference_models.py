@@ -168,7 +168,8 @@ def members(f, r):
 
 def bond_associated(f, law, r):
     each = [law(gradient(f, np.where(inside, f.w, 0.0))) for inside in members(f, r)]
-    return np.dot(f.V, each) / np.sum(f.V)
+    share = [np.sum(f.V[inside]) for inside in members(f, r)]
+    return np.dot(share, each) / np.sum(share)
 
 
 # ---------------------------------------------------------------- energies of bonds that look at both ends

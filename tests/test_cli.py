@@ -51,7 +51,7 @@ def test_symbol_says_what_the_library_says(tmp_path, capsys):
         (["map", "--m=nan:1:3"], "m must be finite"),
         (["map", "--out", "no-such-folder/x"], "does not exist"),
         (["critical", "--criterion", "norm"], "criterion must be one of"),
-        (["symbol", "--a=-1.5", "--dim", "3"], "det F > 0"),
+        (["symbol", "--a=-1.5"], "a must be > -1"),  # in 2D a half-turn, det F > 0
         (["symbol", "--resolution", "1"], "resolution must be"),
         (["run", "step-bar", "--strain=-1"], "strain must be finite and > -1"),
         (["run", "step-bar", "--n", "12"], "n must be a whole number >= 13"),
@@ -59,7 +59,7 @@ def test_symbol_says_what_the_library_says(tmp_path, capsys):
         (["run", "singular-bar", "--stress=-0.5"], "no local equilibrium at the loaded end"),
         (["run", "singular-bar", "--model", "rubber"], "model must be one of"),
         (["run", "singular-bar", "--out", "no-such-folder/x"], "does not exist"),
-        (["run", "wave", "--n", "6"], "longer than two horizons"),
+        (["run", "wave", "--n", "6", "--j", "2"], "longer than two horizons"),
         (["run", "wave", "--j", "1", "2"], "--j takes at most 1 numbers in 1D"),
         (["run", "wave", "--j", "2", "--dt=-1"], "dt must be finite and > 0"),
         (["run", "wave", "--animate", "nowhere/x.gif"], "does not exist"),

@@ -39,6 +39,73 @@ def test_vtk_holds_what_was_computed(plate, tmp_path):
         write_vtk(scene, history, tmp_path / "nowhere" / "run")
 
 
+MESHIO = pytest.mark.skipif(importlib.util.find_spec("meshio") is None, reason="needs meshio")
+
+
+@MESHIO
+def test_tensors_have_nine_components_and_vectors_three(plate, tmp_path):
+    import meshio
+
+    scene, history = plate
+    stress = np.random.default_rng(0).normal(size=(len(history.times), 72, 2, 2))
+    series = write_vtk(scene, history, tmp_path / "run", {"stress": stress})
+    last = json.loads(series.read_text())["files"][-1]["name"]
+    read = meshio.read(tmp_path / last).point_data
+    whole = read["stress"].reshape(72, 3, 3)
+    assert np.array_equal(whole[:, :2, :2], stress[-1]) and not whole[:, 2].any() and not whole[:, :, 2].any()
+    assert read["velocity"].shape == (72, 3) and np.array_equal(read["volume"].reshape(-1), scene.body.volumes)
+
+
+@MESHIO
+def test_vtk_itself_reads_them(plate, tmp_path):
+    vtk = pytest.importorskip("vtk")
+    scene, _ = plate
+    reader = vtk.vtkXMLUnstructuredGridReader()
+    reader.SetFileName(str(write_vtk(scene, None, tmp_path / "one", {"stress": np.zeros((72, 2, 2))})))
+    reader.Update()
+    data = reader.GetOutput().GetPointData()
+    assert data.GetArray("stress").GetNumberOfComponents() == 9 and reader.GetOutput().GetNumberOfPoints() == 72
+
+
+@MESHIO
+def test_equilibria_paths_points_families_and_scenes_can_be_written(tmp_path):
+    import meshio
+
+    body = pd.lattice((6, 3))
+    fams, x = pd.families(body, 2.0), body.positions[:, 0]
+    model = pd.SethHill(1.0, pd.LinearElastic(1.0, 1.0))
+    scene = pd.scene(body, fams, model, pd.prescribe(x < 1, 0.0), pd.prescribe(x > 5, [0.1, 0.0]))
+    found = pd.solve(scene)
+    read = meshio.read(write_vtk(scene, found, tmp_path / "solved")).point_data
+    assert np.array_equal(read["displacement"][:, :2], found.u)
+    assert np.array_equal(read["held"][:, :2].astype(bool), ~scene.free) and read["prescribed"].max() == 0.1
+    along = pd.equilibrium_path(scene, states=4)
+    files = json.loads(write_vtk(scene, along, tmp_path / "along").read_text())["files"]
+    assert len(files) == len(along.load_factors)
+    again = meshio.read(tmp_path / files[-1]["name"]).point_data["displacement"]
+    assert np.array_equal(again[:, :2], along.u[-1])
+    for what, name in ((body, "points"), (fams, "families"), (scene, "scene")):
+        file = write_vtk(what, path=tmp_path / name)
+        assert file.name == f"{name}.vtu" and "volume" in meshio.read(file).point_data
+    assert np.array_equal(meshio.read(tmp_path / "families.vtu").point_data["neighbours"].reshape(-1), fams.count)
+
+
+@MESHIO
+@pytest.mark.parametrize(
+    "call, words",
+    [
+        (lambda scene, path: write_vtk("scene", None, path), "body must be Scene or Points or Families"),
+        (lambda scene, path: write_vtk(scene, np.zeros((72, 2)), path), "result must be what"),
+        (lambda scene, path: write_vtk(scene), "path must name the files"),
+        (lambda scene, path: write_vtk(scene, None, path, {"a": np.zeros(3)}), "field a must have shape"),
+    ],
+)
+def test_what_can_not_be_written_is_said(plate, tmp_path, call, words):
+    with pytest.raises(ValueError, match=words):
+        call(plate[0], tmp_path / "x")
+    assert not list(tmp_path.iterdir())
+
+
 def test_without_meshio_it_says_what_to_install(plate, tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "meshio", None)
     with pytest.raises(ImportError, match="pip install meshio"):

@@ -131,3 +131,68 @@ def test_constants_of_a_users_law_are_arrays():
 def test_wrong_use_names_the_argument(call, named):
     with pytest.raises(ValueError, match=named):
         call()
+
+
+@pytest.mark.parametrize("nu", [-0.4, 0.0, 0.3, 0.45])
+def test_constants_of_the_solid_and_what_a_plane_means(nu):
+    """σ = E/(1 − ν²) (ε + ν …) in plane stress, and the 3D solid's constants in plane strain, from Hooke's law."""
+    E = 2.0
+    K, G = E / (3 * (1 - 2 * nu)), E / (2 * (1 + nu))
+    for one, other in (
+        (pd.LinearElastic.from_young(E, nu), pd.LinearElastic.from_bulk(K, G)),
+        (pd.LinearElastic.from_young(E, nu, plane="stress"), pd.LinearElastic.from_bulk(K, G, "stress")),
+        (pd.NeoHookean.from_young(E, nu, "stress"), pd.NeoHookean.from_bulk(K, G, plane="stress")),
+    ):
+        assert np.allclose([one.lam, one.mu], [other.lam, other.mu], rtol=1e-14)
+    strain = np.array([[0.3, 0.1], [0.1, -0.2]])
+    stress = np.asarray(law_stress(pd.LinearElastic.from_young(E, nu, "stress"), jnp.asarray(strain)))
+    direct = E / (1 - nu**2) * ((1 - nu) * strain + nu * np.trace(strain) * np.eye(2))
+    assert np.abs(stress - direct).max() < 1e-15 * E / (1 - nu**2) * 4  # 2e-16
+    whole = np.zeros((3, 3))
+    whole[:2, :2] = strain
+    compliance = [(s - nu * (np.trace(stress) - s)) / E for s in np.diag(stress)]  # of the 3D solid with σ₃₃ = 0
+    assert np.allclose(compliance, np.diag(strain), atol=1e-15)
+
+
+def test_neo_hookean_plane_stress_minimises_the_energy_of_the_solid():
+    from scipy.optimize import brentq
+
+    flat, solid = pd.NeoHookean.from_young(2.0, 0.3, "stress"), pd.NeoHookean.from_young(2.0, 0.3)
+    draw = np.random.default_rng(0)
+    for size in (0.05, 0.3, 0.7):
+        F = np.eye(2) + size * draw.uniform(-1, 1, (2, 2))
+
+        def in_space(f, F=F):
+            return jnp.zeros((3, 3)).at[:2, :2].set(F).at[2, 2].set(f)
+
+        P33 = lambda f: float(jax.grad(solid.energy)(in_space(f))[2, 2])  # noqa: E731
+        f = brentq(P33, 0.05, 20, xtol=1e-14)
+        assert abs(float(flat.energy(jnp.asarray(F))) - float(solid.energy(in_space(f)))) < 1e-13
+        P = jax.grad(solid.energy)(in_space(f))[:2, :2]
+        assert np.abs(jax.grad(flat.energy)(jnp.asarray(F)) - P).max() < 1e-12  # 2e-14
+        h = 1e-5 * draw.normal(size=(2, 2))
+        slope = (jax.grad(flat.energy)(F + h) - jax.grad(flat.energy)(F - h)) / 2
+        exact = jnp.einsum("ijkl,kl->ij", jax.hessian(flat.energy)(jnp.asarray(F)), h)
+        assert np.abs(slope - exact).max() < 1e-8 * np.abs(h).max()  # 1e-9
+    model, F = pd.Correspondence(flat), np.eye(2)
+    fams = pd.families(pd.lattice((40, 40)), 3.0)  # enough bonds to be streamed
+    u = 1e-2 * draw.normal(size=(1600, 2))
+    both = [pd.force_density(model, fams, u, way=way) for way in ("families", "slices")]
+    assert np.abs(both[0] - both[1]).max() < 1e-13  # 3e-15
+    with pytest.raises(ValueError, match="bodies of dim 2"):
+        pd.force_state(model, pd.lattice_family(3, 1.8), np.eye(3))
+
+
+@pytest.mark.parametrize(
+    "make, words",
+    [
+        (lambda: pd.LinearElastic.from_young(-1.0, 0.3), "E must be finite and > 0"),
+        (lambda: pd.LinearElastic.from_young(1.0, 0.5), "nu must lie between"),
+        (lambda: pd.NeoHookean.from_bulk(1.0, -1.0), "G must be"),
+        (lambda: pd.LinearElastic.from_young(1.0, 0.3, plane="strein"), "plane must be one of strain, stress"),
+        (lambda: pd.NeoHookean(1.0, 1.0, "flat"), "plane must be one of"),
+    ],
+)
+def test_constants_that_are_none(make, words):
+    with pytest.raises(ValueError, match=words):
+        make()

@@ -273,7 +273,7 @@ PAIR = pd.cloud([[0.0, 0.0], [1.0, 0.0]], 1.0)
         (lambda: pd.lattice_family(2, 2, influence=lambda r, d: 0 * r), "influence.*zero everywhere"),
         (lambda: pd.lattice_family(2, 2, influence=lambda r, d: 1 / (r - 1)), "influence.*finite"),
         (lambda: pd.lattice_family(2, 1, influence=pd.linear_influence), "linear_influence.*zero everywhere"),
-        (lambda: pd.lattice_family(1, 2).with_weight(jnp.full(4, 1.5)), r"weights must lie in \[0, 1\]"),
+        (lambda: pd.lattice_family(1, 2).with_weight(jnp.full(3, 0.5)), r"weight must have shape \(bonds\) = \(4,\)"),
         (lambda: pd.lattice_family(1, 2).with_weight(jnp.full(4, -0.1)), "weights"),
         (lambda: pd.lattice_family(1, 2).with_weight(jnp.full(4, jnp.nan)), "weights"),
         (lambda: pd.lattice_family(1, 2).with_weight(jnp.array([1.0, 1.0, 0.5, 1.0])), "weights.*even"),
@@ -289,7 +289,11 @@ PAIR = pd.cloud([[0.0, 0.0], [1.0, 0.0]], 1.0)
         (lambda: pd.families(pd.lattice((5, 4), periodic=True), 2.0), "periodic box"),
         (lambda: pd.families(pd.lattice((9, 2), periodic=(False, True)), 1.5), "periodic box"),
         (lambda: pd.families(PAIR, 1.5, lambda r, d: -r), "influence.*negative"),
-        (lambda: pd.families(PAIR, 1.5).with_weight(jnp.full((2, 1), 1.1)), "weights"),
+        (lambda: pd.families(PAIR, 1.5).with_weight(jnp.full((2, 1), -0.1)), "weights"),
+        (
+            lambda: pd.families(PAIR, 1.5).with_weight(jnp.full((3, 1), 0.1)),
+            r"weight must have shape \(points, bonds\)",
+        ),
     ],
 )
 def test_wrong_use_names_the_argument(call, named):
@@ -307,7 +311,7 @@ def test_a_horizon_cannot_be_traced():
     [
         (lambda c: pd.lattice_family(2, 2, influence=lambda r, d: c * r), -1.0, "influence"),
         (lambda c: pd.lattice_family(2, 2, spacing=c), -1.0, "spacing"),
-        (lambda c: pd.lattice_family(1, 2).with_weight(c * jnp.ones(4)), 1.5, "bond weights"),
+        (lambda c: pd.lattice_family(1, 2).with_weight(c * jnp.ones(4)), jnp.inf, "bond weights"),
         (lambda c: bodies.families(1, "cloud").with_weight(c * jnp.ones((7, 6))), -0.5, "bond weights"),
     ],
 )

@@ -125,7 +125,9 @@ SETUP = {
 
 SCENES = {
     "scene": (
-        lambda: scene(pd.total_force([18, 19], [1.0, 2.0]), pd.body_force([9], 0.1), closed_form=np.zeros((20, 2))),
+        lambda: scene(
+            pd.total_force([18, 19], [1.0, 2.0]), pd.body_force([9], [0.1, 0]), closed_form=np.zeros((20, 2))
+        ),
         FAMILIES,
     ),
     "periodic scene": (

@@ -17,7 +17,7 @@ import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Array
 
-from .._checks import choice
+from .._checks import choice, in_double
 from .._doors import taught
 from ..force import point_field
 from ..problem import Scene
@@ -177,6 +177,7 @@ def _certified_top(H: sp.csc_array, count: int, tolerance: float) -> tuple:
 
 
 @taught
+@in_double
 def body_spectrum(scene: Scene, u=None, count: int | None = None, factor: float = 1.0, method: str = "auto") -> tuple:
     """The largest eigenvalues of the reduced Jacobian, largest first, and their modes.
 
@@ -239,6 +240,7 @@ def body_spectrum(scene: Scene, u=None, count: int | None = None, factor: float 
 
 
 @taught
+@in_double
 def body_stability(scene: Scene, u=None, factor: float = 1.0, method: str = "auto") -> BodyStability:
     """Is a finite body stable at a displacement: the largest eigenvalue of its Jacobian, its mode, and the count.
 
@@ -260,6 +262,7 @@ def body_stability(scene: Scene, u=None, factor: float = 1.0, method: str = "aut
 
 
 @taught
+@in_double
 def body_inertia(scene: Scene, u=None, factor: float = 1.0) -> int:
     """How many eigenvalues of the reduced Jacobian exceed rounding, from one sparse factor.
 

@@ -18,6 +18,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
+from .._checks import in_double
 from .._doors import taught
 from ..problem import Scene, still
 from ..reduced import Factor, Singular, as_operator, count_positive, matrix, product_rate, unknown_volumes
@@ -99,6 +100,7 @@ class _Walk:
 
 
 @taught
+@in_double
 def body_critical_load(
     scene: Scene,
     path: Callable[[Any], Any] | None = None,

@@ -20,7 +20,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .._checks import as_array, choice, computed, is_concrete, still
+from .._checks import as_array, choice, computed_in_double, is_concrete, still
 from .._doors import taught
 from ..bloch import homogeneous_tangent, modulus_at_rest, wave_phases
 from ..force import check_model
@@ -164,11 +164,11 @@ def _host_edge(setting: tuple, criterion: str, sign: float, samples: np.ndarray,
     """`_traced_edge` on concrete values (`setting`: model, family, path), and the loads and margins of every state that
     was looked at."""
     model, fam, path = setting
-    real = np.dtype(fam.xi.dtype)
+    real, samples = np.dtype(fam.xi.dtype), np.asarray(samples, float)
     seen: list[np.ndarray] = []
 
     def look(sizes):
-        F = computed(deformations, path, (sign * sizes).astype(real), model, fam)
+        F = computed_in_double(deformations, path, sign * sizes, model, fam)
         out = outcomes(criterion, model, fam, F, zone)
         seen.append(np.stack([sizes, out.margin]))
         return out.margin, np.asarray(out.margin > margin_tolerance(real, out.scale)), out.at

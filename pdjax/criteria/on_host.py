@@ -17,7 +17,7 @@ import equinox as eqx
 import jax
 import numpy as np
 
-from .._checks import computed
+from .._checks import computed_in_double
 from ..cosine_series import packed, reached
 from ..lattice_states import STATES, States, check_at_rest, checked_states, has_series
 from ..models.base import AbstractModel, TwoStageModel
@@ -38,7 +38,7 @@ def _search(dim: int, bonds: int, rings: int, intervals: int, symmetry: str) -> 
 
 def searched(states: States, model: AbstractModel, fam: Family, zone: Zone) -> Found:
     """Where the searches of all states ended, in NumPy."""
-    scaled = packed(states.scaled).astype(fam.xi.dtype)
+    scaled = packed(states.scaled)
     if len(scaled) <= STATES:
         return search_few(scaled, states.offsets, zone)
     count = len(scaled)
@@ -46,7 +46,7 @@ def searched(states: States, model: AbstractModel, fam: Family, zone: Zone) -> F
     padded[:count] = scaled
     rings = 3 if isinstance(model, TwoStageModel) else 2
     program = _search(fam.dim, len(fam.influence), rings, zone.intervals, zone.symmetry)
-    return Found(*(x[:count] for x in computed(program, padded, np.asarray(count))))
+    return Found(*(x[:count] for x in computed_in_double(program, padded, np.asarray(count))))
 
 
 def _work(blocks: np.ndarray, offsets: np.ndarray, x: Any, is_long: Any, v: Any) -> tuple:
@@ -115,7 +115,7 @@ def outcomes(criterion: str, model: AbstractModel, fam: Family, F: np.ndarray, z
         if out is not None:
             return out
     check_at_rest(model, fam)
-    padded = np.broadcast_to(np.eye(fam.dim), (STATES, fam.dim, fam.dim)).astype(fam.xi.dtype)
+    padded = np.broadcast_to(np.eye(fam.dim), (STATES, fam.dim, fam.dim)).copy()
     padded[: len(F)] = F
-    out = computed(_traced, criterion, model, fam, padded, zone.intervals, zone.symmetry)
+    out = computed_in_double(_traced, criterion, model, fam, padded, zone.intervals, zone.symmetry)
     return jax.tree.map(lambda x: np.broadcast_to(x, (STATES,))[: len(F)] if np.ndim(x) == 0 else x[: len(F)], out)

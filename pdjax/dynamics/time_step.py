@@ -6,7 +6,7 @@ matrix is stored. Lanczos comes from below, so Δt_cr comes from above, within A
 
 import numpy as np
 
-from .._checks import is_concrete
+from .._checks import in_double, is_concrete
 from .._doors import taught
 from ..force import point_field
 from ..problem import still
@@ -18,6 +18,7 @@ SAFETY = 0.8  # of the critical step at the start, where none is given: bodies s
 
 
 @taught
+@in_double
 def critical_time_step(motion: Motion, u=None, t=0.0) -> float:
     """Δt_cr = 2/ω_max [time] of velocity Verlet and central differences, linearised at u.
 

@@ -4,6 +4,7 @@ figures   name → file, seconds, quick, numbers of the sheet
 claims    one row each: key, claim, where, paper, ours, verdict, command, figure, question, test
 """
 
+import importlib.metadata
 import json
 import platform
 from pathlib import Path
@@ -17,6 +18,9 @@ from .claims import CLAIMS
 
 _HEAD = ("claim", "where", "paper", "ours", "verdict", "command that shows it")
 MARKS = ("<!-- paper:begin -->", "<!-- paper:end -->")  # of the tables in the README
+
+
+VERSION = importlib.metadata.version("pdjax")
 
 
 def picture(out: Path, name: str) -> Path:
@@ -43,17 +47,18 @@ def read(out: Path, quick: bool) -> dict:
 
 
 def finished(found: dict, out: Path, name: str) -> bool:
-    """Whether a sheet is there with all its claims."""
+    """Whether a sheet is there with all its claims, made by this version."""
     mine = [row["key"] for row in found["claims"] if row["figure"] == name]
     wanted = [claim.key for claim in CLAIMS if claim.figure == name]
-    return name in found["figures"] and picture(out, name).exists() and mine == wanted
+    made = found["figures"].get(name, {}).get("version")
+    return made == VERSION and picture(out, name).exists() and mine == wanted
 
 
 def keep(found: dict, name: str, record: dict, numbers: dict) -> None:
     """Put a finished sheet and the rows of its claims among the results, in the order of the table."""
     rows = {row["key"]: row for row in found["claims"]}
     rows |= {claim.key: claim.row(numbers) for claim in CLAIMS if claim.figure == name}
-    figures = {**found["figures"], name: {**record, "numbers": plain(numbers)}}
+    figures = {**found["figures"], name: {**record, "version": VERSION, "numbers": plain(numbers)}}
     order = [claim.figure for claim in CLAIMS if claim.figure in figures]
     found["figures"] = {known: figures[known] for known in dict.fromkeys([*order, *figures])}
     found["claims"] = [rows[claim.key] for claim in CLAIMS if claim.key in rows]

@@ -84,7 +84,8 @@ def wave(
         modulus; dim; F (dim, dim) mean deformation; branch −1 the fastest, 0 the slowest; travelling; density; periods:
         the natural duration is that many periods; of a classical P-wave for a mode that stands still; of one that
         grows, until it is 1 % of the spacing.
-    Raises: ValueError for a k that doesn't fit (with the nearest that does), a box of two horizons or less.
+    Raises: ValueError for a k that doesn't fit (with the nearest that does) or lies beyond the Brillouin zone (with the
+        wave that it is), a box of two horizons or less.
     """
     N = _ratio(N)
     shape = tuple(_count("n", s, 2) for s in ((n,) * dim if np.ndim(n) == 0 else n))
@@ -103,6 +104,12 @@ def wave(
         nearest = 2 * np.pi * np.round(np.nan_to_num(steps)) / np.array(shape)
         raise ValueError(
             f"k must fit the periodic box, k_i = 2π j/n_i; got {given}, the nearest that fits is {nearest}"
+        )
+    if (np.abs(steps) > np.array(shape) / 2 + 1e-6).any():
+        same = np.round(steps) - np.array(shape) * np.round(np.round(steps) / np.array(shape))
+        raise ValueError(
+            f"a lattice of {shape} points has waves of up to half as many lengths along each side; {np.round(steps)}"
+            f" are more, and on these points the wave is that of {same}"
         )
     body = lattice(shape, 1.0, periodic=True)
     model = _unit_model(model)

@@ -12,6 +12,7 @@ import equinox as eqx
 import numpy as np
 from jaxtyping import Float
 
+from .._checks import in_double
 from .._doors import taught
 from ..criteria.body import need_energy
 from ..problem import Scene, still
@@ -39,6 +40,7 @@ class EquilibriumPath(eqx.Module):
 
 
 @taught
+@in_double
 def equilibrium_path(
     scene: Scene,
     states: int = 50,

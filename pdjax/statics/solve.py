@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from .._checks import choice, inside_jit, is_concrete, namespace, on_device
+from .._checks import choice, in_double, inside_jit, is_concrete, namespace, on_device
 from .._doors import taught
 from .._progress import Residuals
 from ..criteria.body import body_stability
@@ -100,6 +100,7 @@ def _check(scene, method, tolerance, step, smallest_step, predictor) -> None:
 
 
 @taught
+@in_double
 def solve(
     scene: Scene,
     method: str = "newton",

@@ -1,0 +1,75 @@
+"""A point that has lost all its bonds: no force and no energy, for every model of the table, and finite derivatives."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+import table
+
+import pdjax as pd
+
+BODY = pd.lattice((5, 4))
+LOST = 19  # a corner
+FAMS = pd.families(BODY, 2.3)
+ENDS = np.asarray(FAMS.neighbours) == LOST
+WEIGHT = np.where(ENDS | (np.arange(20)[:, None] == LOST), 0.0, 1.0)
+U = 1e-2 * np.random.default_rng(0).normal(size=(20, 2))
+KEEP = np.arange(20) != LOST
+REST = pd.families(pd.cloud(BODY.positions[KEEP], 1.0), 2.3)
+
+
+@pytest.mark.parametrize("name", [n for n, model in table.MODELS.items() if 2 in model.dims])
+def test_a_fragment_has_no_force_and_the_rest_is_as_if_it_were_gone(name):
+    model, fams = table.MODELS[name], FAMS.with_weight(WEIGHT)
+
+    def answers(fams, u):
+        energy = pd.strain_energy(model, fams, u) if model.hyperelastic else jnp.zeros(())
+        return pd.force_density(model, fams, u), energy, pd.stress(model, fams, u)
+
+    f, energy, stress = answers(fams, U)
+    assert not f[LOST].any() and not stress[LOST].any()
+    alone, its_energy, _ = answers(REST, U[KEEP])
+    assert np.abs(f[KEEP] - alone).max() <= 1e-15 * np.abs(alone).max()  # 0, 1e-17 for the user's law
+    assert abs(energy - its_energy) <= 1e-15 * abs(its_energy)
+    jitted, rates = jax.jit(answers)(fams, U), jax.jit(jax.jacfwd(lambda u: pd.force_density(model, fams, u)))(U)
+    assert np.abs(jitted[0] - f).max() < 1e-14 * np.abs(alone).max()  # 2e-16
+    assert np.isfinite(rates).all() and not rates[LOST].any() and not rates[:, :, LOST].any()
+    sparse = pd.jacobian(model, fams, U).toarray().reshape(rates.shape)
+    assert np.abs(sparse - rates).max() < 1e-14 * np.abs(rates).max()  # 3e-16
+    slope = jax.grad(lambda w: jnp.sum(pd.force_density(model, FAMS.with_weight(w), U) ** 2))(jnp.asarray(WEIGHT))
+    assert np.isfinite(slope).all() and not slope[LOST].any()  # by convention
+
+
+@pytest.mark.parametrize("name", ["seth_hill m=-0.7", "lps", "silling control", "tupek_radovitzky"])
+def test_streamed_forces_know_fragments_too(name):
+    """Bodies of more bonds go over them slot by slot, with the sums over the reference configuration prepared."""
+    model, body = table.MODELS[name], pd.lattice((40, 40))
+    fams, lost = pd.families(body, 3.0), 815
+    weight = np.where((np.asarray(fams.neighbours) == lost) | (np.arange(1600)[:, None] == lost), 0.0, 1.0)
+    fams, u = fams.with_weight(weight), 1e-2 * np.random.default_rng(1).normal(size=(1600, 2))
+    f = pd.force_density(model, fams, u)
+    assert pd.force_operator(model, fams).plan is not None and not f[lost].any()
+    keep = np.arange(1600) != lost
+    alone = pd.force_density(model, pd.families(pd.cloud(body.positions[keep], 1.0), 3.0), u[keep])
+    assert np.abs(f[keep] - alone).max() < 1e-13 * np.abs(alone).max()  # 2e-15
+    assert np.isfinite(jax.grad(lambda u: jnp.sum(pd.force_density(model, fams, u) ** 2))(jnp.asarray(u))).all()
+
+
+def test_a_family_that_is_too_poor_is_still_named_and_stays_by_itself_under_jit():
+    model, fams = pd.Correspondence(table.LINEAR), FAMS.with_weight(np.where(np.arange(20)[:, None] == LOST, 0.0, 1.0))
+    poor = np.asarray(FAMS.weight).copy()
+    poor[LOST, 1:] = 0.0
+    fams = FAMS.with_weight(poor)
+    with pytest.raises(ValueError, match=f"point {LOST}"):
+        pd.force_density(model, fams, U)
+    density = jax.jit(lambda w: pd.energy_density(model, FAMS.with_weight(w), U))(poor)
+    assert np.flatnonzero(np.isnan(density)).tolist() == [LOST]
+
+
+def test_a_piece_that_has_come_off_rests():
+    """Statics of what is left: a body cut in two, both halves held."""
+    fams = pd.cut(pd.families(BODY, 2.3), pd.Plane((2.0, 0.0), (1.0, 0.0)))
+    x = BODY.positions[:, 0]
+    scene = pd.scene(BODY, fams, pd.LPS(1.5, 0.7), pd.prescribe(x < 1, 0.0), pd.prescribe(x > 4, [0.1, 0.0]))
+    u = np.asarray(pd.solve(scene).u)
+    assert np.abs(u[x < 2]).max() < 1e-12 and np.abs(u[x > 2] - [0.1, 0.0]).max() < 1e-12  # 0, 3e-16

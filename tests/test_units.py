@@ -1,0 +1,85 @@
+"""No verdict depends on units, in either precision: lengths, moduli and densities times powers of ten."""
+
+import jax
+import numpy as np
+import pytest
+
+import pdjax as pd
+
+UNITS = [(1e-6, 1e11, 8e3), (1e-9, 1e11, 8e3), (1e3, 1e9, 1e-3)]  # of length, pressure, density
+
+
+@pytest.fixture(params=[32, 64])
+def precision(request):
+    with jax.enable_x64(request.param == 64):
+        yield request.param
+
+
+def lattice_models(P, fam):
+    law = pd.LinearElastic(P, 0.8 * P)
+    yield from (pd.SethHill(1.0, law), pd.Correspondence(law), pd.Correspondence(law, pd.SillingControl(0.5)))
+    if fam.dim > 1:
+        yield pd.LPS(P, 0.8 * P)
+
+
+@pytest.mark.parametrize("dim, N", [(1, 3), (2, 3), (3, 2)])
+def test_verdict_margin_and_load_of_a_lattice(precision, dim, N):
+    def found(h, P):
+        fam, F = pd.lattice_family(dim, N, spacing=h), 0.97 * np.eye(dim)
+        rows = []
+        for model in lattice_models(P, fam):
+            states = [pd.stability(model, fam, F, criterion) for criterion in ("symbol", "diagonal", "affine")]
+            load = pd.critical_load(model, fam, pd.uniaxial_strain)
+            rows.append([s.verdict for s in states] + [float(s.margin) for s in states] + [float(load)])
+        return rows
+
+    expected = found(1.0, 1.0)
+    assert expected[0][0] == "unstable" and expected[1][0] == "marginal"
+    for h, P, _ in UNITS:
+        for row, right in zip(found(h, P), expected, strict=True):
+            assert row[:3] == right[:3]
+            numbers = np.array(row[3:]) - np.array(right[3:])
+            assert np.abs(numbers[np.isfinite(numbers)]).max() < (1e-12 if precision == 64 else 3e-6)  # 3e-14, 5e-7
+
+
+@pytest.mark.parametrize("h, P", [(1e-6, 1e11), (1e3, 1e9)])
+def test_a_map_and_its_verdicts(precision, h, P):
+    def verdict(P):
+        law = pd.LinearElastic(P, 0.8 * P)
+        return pd.stability_map([0.0, 1.0], [-0.05, 0.05], law=law, lines=("diagonal",), show_progress=False).verdict
+
+    assert np.array_equal(verdict(P), verdict(1.0))
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_equilibrium_spectrum_and_time_step_of_a_body(precision, dim):
+    shape = {2: (8, 4), 3: (6, 3, 3)}[dim]
+
+    def found(h, P, density):
+        body = pd.lattice(shape, h)
+        x, law = body.positions[:, 0] / h, pd.LinearElastic(P, 0.8 * P)
+        held = pd.prescribe(x < 1, 0.0), pd.prescribe(x > shape[0] - 1, [0.02 * h] + [0.0] * (dim - 1))
+        out = []
+        for model in (pd.Correspondence(law, pd.SillingControl(0.5)), pd.LPS(P, 0.8 * P)):
+            scene = pd.scene(body, pd.families(body, 2 * h), model, *held)
+            newton = pd.solve(scene)
+            relaxed = pd.solve(scene, "relaxation", stability=False)
+            assert newton.converged and relaxed.converged and newton.kind == "minimum"
+            step = pd.critical_time_step(pd.motion(scene, density)) * np.sqrt(P / density) / h
+            lowest = float(newton.stability.eigenvalue) * h**2 / P
+            out.append([*np.ravel(newton.u) / h, *np.ravel(relaxed.u) / h, step, lowest])
+        return np.array(out)
+
+    expected = found(1.0, 1.0, 1.0)
+    for units in UNITS:
+        error = np.abs(found(*units) - expected) / np.maximum(1, np.abs(expected))
+        assert error.max() < (1e-8 if precision == 64 else 3e-6)  # 2e-11 (relaxation stops at 1e-10), 3e-7
+
+
+def test_forces_beyond_the_numbers_of_32_bits_are_said():
+    with jax.enable_x64(False):
+        h, law = 1e-7, pd.LinearElastic(1e11, 1e11)
+        fams = pd.families(pd.lattice((4, 4, 4), h), 2 * h)
+        u = 1e-2 * h * np.random.default_rng(0).normal(size=(64, 3))
+        with pytest.raises(ValueError, match="units near 1, or 64 bits"):
+            pd.force_density(pd.Correspondence(law), fams, u)
