@@ -40,6 +40,9 @@ def _kinds(hint: Any) -> tuple[type, ...]:
     """The classes an annotation allows; empty if it says nothing of classes."""
     if isinstance(hint, types.UnionType) or typing.get_origin(hint) is typing.Union:
         return tuple(k for part in typing.get_args(hint) for k in _kinds(part))
+    origin = typing.get_origin(hint)
+    if isinstance(origin, type) and not issubclass(origin, Callable):  # type: ignore[arg-type]
+        return (origin,)
     return (hint,) if isinstance(hint, type) and hint is not Any else ()
 
 
@@ -55,6 +58,8 @@ def _misfit(name: str, value: Any, hint: Any, default: Any) -> str | None:
         return None if fits else f"{name} must be {names} ({'; '.join(told)}); got {_shown(value)}"
     if "Callable" in str(hint):
         return None if callable(value) or isinstance(value, str) else f"{name} must be a function; got {_shown(value)}"
+    if hint is Any:
+        return None
     if kinds and not any(issubclass(k, int | float | complex | np.ndarray | np.generic | jax.Array) for k in kinds):
         names = " or ".join(k.__name__ for k in kinds if k is not types.NoneType)
         return None if isinstance(value, kinds) or object in kinds else f"{name} must be {names}; got {_shown(value)}"

@@ -73,7 +73,12 @@ def _states(result: Any) -> _States:
 
 
 @taught
-def write_vtk(body: Body, result: Any = None, path: Any = None, fields: dict | None = None) -> Path:
+def write_vtk(
+    body: Body,
+    result: Result | str | os.PathLike | None = None,
+    path: str | os.PathLike | None = None,
+    fields: dict | None = None,
+) -> Path:
     """Write a body and what was found of it for ParaView.
 
     Arguments: body a scene, points, or families: their volumes, counts of neighbours, supports and loads are written

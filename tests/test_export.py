@@ -95,7 +95,7 @@ def test_equilibria_paths_points_families_and_scenes_can_be_written(tmp_path):
     "call, words",
     [
         (lambda scene, path: write_vtk("scene", None, path), "body must be Scene or Points or Families"),
-        (lambda scene, path: write_vtk(scene, np.zeros((72, 2)), path), "result must be what"),
+        (lambda scene, path: write_vtk(scene, np.zeros((72, 2)), path), "result must be"),
         (lambda scene, path: write_vtk(scene), "path must name the files"),
         (lambda scene, path: write_vtk(scene, None, path, {"a": np.zeros(3)}), "field a must have shape"),
     ],

@@ -6,6 +6,7 @@ Beside each tolerance: the largest error measured (float64).
 import functools
 import itertools
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -282,12 +283,12 @@ def test_the_cosine_series_is_the_symbol(name, dim, N, law):
     }[name]
     fam, draw = pd.lattice_family(dim, N), np.random.default_rng(dim)
     F = jnp.asarray(0.95 * np.eye(dim) + 0.03 * draw.normal(size=(dim, dim)))
-    tangent, bonds = homogeneous_tangent(model, fam, F), len(fam.xi)
+    tangent, bonds = eqx.filter_jit(homogeneous_tangent)(model, fam, F), len(fam.xi)
     offsets = cosine_series.reached(dim, bonds, cosine_series.rings_of(tangent))
     blocks = np.asarray(cosine_series.series(tangent, dim, bonds))
     k = draw.uniform(-np.pi, np.pi, (20, dim))
     k[0] *= 1e-4
-    exact = np.asarray(tangent(wave_phases(fam, jnp.asarray(k))))
+    exact = np.asarray(eqx.filter_jit(lambda tangent, k: tangent(wave_phases(fam, k)))(tangent, jnp.asarray(k)))
     for one, other in zip(exact, cosine_series.symbols(blocks, offsets, k), strict=True):
         assert difference(other, one) < 1e-13  # 1.5e-15
     axes = [np.linspace(0, np.pi, 4)] + [np.linspace(-2, 3, 5)] * (dim - 1)
