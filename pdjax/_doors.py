@@ -8,7 +8,7 @@ import functools
 import inspect
 import types
 import typing
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -58,8 +58,10 @@ def _misfit(name: str, value: Any, hint: Any, default: Any) -> str | None:
         return None if fits else f"{name} must be {names} ({'; '.join(told)}); got {_shown(value)}"
     if "Callable" in str(hint):
         return None if callable(value) or isinstance(value, str) else f"{name} must be a function; got {_shown(value)}"
-    if hint is Any:
-        return None
+    if Sequence in kinds and isinstance(value, str) and str not in kinds:  # a text is a sequence too
+        return f"{name} must be numbers; got {_shown(value)}"
+    if hasattr(value, "_fields") and not any(hasattr(k, "_fields") for k in kinds):  # a record of ours is a tuple
+        return f"{name} must be numbers; got {_shown(value)}"
     if kinds and not any(issubclass(k, int | float | complex | np.ndarray | np.generic | jax.Array) for k in kinds):
         names = " or ".join(k.__name__ for k in kinds if k is not types.NoneType)
         return None if isinstance(value, kinds) or object in kinds else f"{name} must be {names}; got {_shown(value)}"

@@ -19,6 +19,7 @@ import numpy as np
 
 from ._checks import as_array, native
 from ._doors import taught
+from .models.base import AbstractModel
 
 
 class Prescribed(NamedTuple):
@@ -110,7 +111,7 @@ def total_force(points, force) -> TotalForce:
 
 
 @taught
-def homogeneous_traction(points, F, model: Any | None = None) -> HomogeneousTraction:
+def homogeneous_traction(points, F, model: AbstractModel | None = None) -> HomogeneousTraction:
     """The exact traction of the module's head over the layer of points named, for the homogeneous deformation F.
 
     `model`: whose internal force is meant, if not the body's own (a graded body's material at the surface).

@@ -110,7 +110,7 @@ def _worst(rows: list[dict]) -> list[dict]:
 
 
 @taught
-def advise(scene: Any, tol: float, data: str | os.PathLike | None = None) -> Advice:
+def advise(scene: Scene | Motion | str, tol: float, data: str | os.PathLike | None = None) -> Advice:
     """The cheapest measured setting whose error meets a tolerance.
 
     Arguments: scene: a name, "singular-bar", "wave", "critical-load" or "map", or a `Scene` or `Motion` made by
