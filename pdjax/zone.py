@@ -4,8 +4,8 @@
    π/h) is on it exactly, reduced by the symmetry that the deformed lattice keeps. Closed-form eigenvalues of the d ×
    d blocks screen it: they lose half the digits at a double root, so they only choose where to look.
 2. **Starts**: the best grid point nearest to each half-reciprocal point (for each sign of k), so that a narrow
-   maximum by one of them is not hidden by a higher one elsewhere; moved off the grid, for half-reciprocal points are
-   stationary by symmetry and may be saddles.
+   maximum by one of them is not hidden by a higher one elsewhere, and the best one that is not next to the best of all;
+   moved off the grid, for half-reciprocal points are stationary by symmetry and may be saddles.
 3. **Refinement**: maximise eᵀA(k)e / eᵀe over k and e together, which is smooth even where eigenvalues cross, by
    damped Newton steps on exact derivatives, all starts batched (`pdjax.climb`).
 4. **Decision**: `eigh` at the best point found, on the grid or off it.
@@ -119,6 +119,16 @@ def class_best(zone: Zone, screen: Float[Any, " waves"]) -> Int[Any, " classes"]
     xp = namespace(screen)
     best = xp.argmax(screen[zone.members], axis=1)
     return xp.take_along_axis(xp.asarray(zone.members), best[:, None], axis=1)[:, 0]
+
+
+def second_best(zone: Zone, screen: Float[Any, " waves"]) -> Int[Any, ""]:
+    """The number of the best grid point that is farther than 2½ steps from the best: on a ridge with two tops it may be
+    on the other. Waves k, −k and k + 2π/h are one."""
+    xp, grid = namespace(screen), zone.grid.astype(screen.dtype)
+    best = xp.asarray(grid)[xp.argmax(screen)]
+    away = [x - 2 * np.pi * xp.round(x / (2 * np.pi)) for x in (grid - best, grid + best)]
+    apart = [xp.max(abs(x), axis=1) > 2.5 * zone.step for x in away]
+    return xp.argmax(xp.where(apart[0] & apart[1], screen, -xp.inf))
 
 
 def nudge(dim: int, step: float) -> np.ndarray:

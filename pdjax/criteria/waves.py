@@ -24,7 +24,7 @@ from ..cosine_series import Forms, Series, entries, forms, on_grid, packed, reac
 from ..force import affine_stress
 from ..models.base import AbstractModel
 from ..neighbours import Family
-from ..zone import Zone, class_best, directions, largest_eigenvalue, nudge, top_pair
+from ..zone import Zone, class_best, directions, largest_eigenvalue, nudge, second_best, top_pair
 from . import flutter
 from .outcome import Outcome, margin_tolerance
 
@@ -45,7 +45,8 @@ class Found(NamedTuple):
 
 def _screen(blocks: Float[Any, "offsets p"], offsets: np.ndarray, zone: Zone) -> tuple[Any, Any, Any]:
     """Of one state: starts (lanes, dim), Ĵ there (lanes, p), and the largest |quotient| on the grid. The starts are the
-    best wave of every class, the best direction of the limit, and the wave of the largest eigenvalue."""
+    best wave of every class and the second best of all, the wave of the largest eigenvalue, and the best direction of
+    the limit."""
     xp, dim, real = namespace(blocks), offsets.shape[1], blocks.dtype
     grid, compass = zone.grid.astype(real), directions(dim).astype(real)
     values = on_grid(blocks, offsets, list(zone.axes)).reshape(blocks.shape[1], -1)[:, zone.places]
@@ -56,7 +57,7 @@ def _screen(blocks: Float[Any, "offsets p"], offsets: np.ndarray, zone: Zone) ->
     fourth = (offsets[:, rows] * offsets[:, columns]).astype(real).T @ blocks
     long = -(pairs @ fourth)
     way = xp.argmax(largest_eigenvalue(entries(long.T, dim)))
-    waves = xp.append(class_best(zone, screen), xp.argmax(top))
+    waves = xp.concatenate([class_best(zone, screen), xp.stack([second_best(zone, screen), xp.argmax(top)])])
     starts = xp.concatenate([xp.asarray(grid)[waves], xp.asarray(compass)[way][None]])
     return starts, xp.concatenate([values[:, waves].T, long[way][None]]), xp.max(abs(screen))
 
@@ -91,7 +92,7 @@ def search_few(blocks: np.ndarray, offsets: np.ndarray, zone: Zone) -> Found:
 
 def _screened(blocks: Float[Any, "states offsets p"], count: Any, offsets: np.ndarray, zone: Zone) -> tuple:
     """`_screen` of the first `count` states, one after the other."""
-    (states, _, size), dim, lanes = blocks.shape, offsets.shape[1], len(zone.members) + 2
+    (states, _, size), dim, lanes = blocks.shape, offsets.shape[1], len(zone.members) + 3
 
     def one(i, made):
         return tuple(x.at[i].set(y) for x, y in zip(made, _screen(blocks[i], offsets, zone), strict=True))
