@@ -24,6 +24,7 @@ from jaxtyping import Float
 from ._checks import as_real, choice, computed_in_double, finite, writable, written_whole
 from ._doors import taught
 from ._progress import progress
+from ._xla import ONCE, QUICK, quick_jit
 from .bloch import homogeneous_tangent
 from .cosine_series import reached, series
 from .criteria import CRITERIA, evaluate, family_zone, margin_tolerance, verdicts
@@ -116,7 +117,6 @@ class _SethHillOf(eqx.Module):
         return SethHill(m, self.law)
 
 
-@eqx.filter_jit
 def _chunk(m, a, fam, make, path: Path, names: tuple[str, ...], intervals: int, symmetry: str, mesh: Mesh | None):
     """(margin, eigenvalue, tolerance) of every named criterion, for pairs (m, a)."""
     zone = brillouin_zone(fam.dim, intervals, symmetry)
@@ -128,6 +128,10 @@ def _chunk(m, a, fam, make, path: Path, names: tuple[str, ...], intervals: int, 
         return [(o.margin, o.eigenvalue, jnp.asarray(margin_tolerance(m.dtype, o.scale), m.dtype)) for o in outs]
 
     return (jax.vmap(one) if mesh is None else sharded_vmap(one, mesh))(m, a)
+
+
+_few_states, _many_states = (quick_jit(options)(_chunk) for options in (ONCE, QUICK))
+_FEW = _LINE_POINTS**2  # up to which compiling takes longer than running
 
 
 @eqx.filter_jit
@@ -162,7 +166,8 @@ def _evaluated(job: "_Job", make: Callable, path: Path, mesh: Mesh | None) -> li
         found = {n: (o.margin, o.eigenvalue, margin_tolerance(job.m.dtype, o.scale)) for n, o in found.items()}
     rest = tuple(n for n in job.names if n not in found)
     if rest:
-        traced = _chunk(job.m, job.a, fam, make, path, rest, zone.intervals, zone.symmetry, mesh)
+        chunk = _few_states if job.out.shape[-1] <= _FEW else _many_states
+        traced = chunk(job.m, job.a, fam, make, path, rest, zone.intervals, zone.symmetry, mesh)
         found |= dict(zip(rest, traced, strict=True))
     return [found[name] for name in job.names]
 

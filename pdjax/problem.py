@@ -261,7 +261,7 @@ def scene(
     body: Points,
     fams: Families,
     model: AbstractModel,
-    *conditions: Condition,
+    *conditions: Any,
     mean=None,
     closed_form=None,
     moving: bool = False,

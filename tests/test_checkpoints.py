@@ -166,3 +166,12 @@ def test_a_killed_run_leaves_a_valid_checkpoint(tmp_path):
     duration = 0.4 * (saved + 3) - 0.05
     resumed = pd.simulate(motion, duration, checkpoint=path, resume=True, **RUN)
     assert same(pd.simulate(motion, duration, **RUN), resumed)
+
+
+def test_a_checkpoint_that_is_there_is_kept(tmp_path):
+    motion, path = driven_bar(), tmp_path / "run.npz"
+    pd.simulate(motion, 2.0, checkpoint=path, **RUN)
+    first = path.read_bytes()
+    with pytest.warns(UserWarning, match=r"is kept as .*run\.npz\.old; to go on from it, resume=True"):
+        pd.simulate(motion, 2.0, checkpoint=path, **RUN)
+    assert (tmp_path / "run.npz.old").read_bytes() == first

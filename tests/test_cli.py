@@ -88,7 +88,7 @@ def test_a_failed_map_keeps_the_old_file(tmp_path, capsys, monkeypatch):
 
     old = tmp_path / "small.npz"
     old.write_bytes(b"old")
-    monkeypatch.setattr(pdjax.maps, "_chunk", lambda *_: (_ for _ in ()).throw(KeyboardInterrupt))
+    monkeypatch.setattr(pdjax.maps, "_few_states", lambda *_: (_ for _ in ()).throw(KeyboardInterrupt))
     assert main([*SMALL, "--out", str(tmp_path / "small")]) == 130
     assert "interrupted" in capsys.readouterr().err
     assert old.read_bytes() == b"old"
@@ -201,3 +201,15 @@ def test_a_large_map_shows_a_first_picture_of_every_fourth_state(tmp_path, capsy
     assert main(["map", "--m=-1:2:160", "--a=-0.1:0.1:161", "--out", str(tmp_path / "large")]) == 0
     assert seen == [(40, 41, False), (160, 161, True)]
     assert "coarse preview, 1640 states, in" in capsys.readouterr().err
+
+
+def test_a_map_of_one_order_ends_with_a_picture(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert main(["map", "--m=1:1:1", "--a=-.1:.1:3", "--out", "row"]) == 0
+    assert (tmp_path / "row.png").stat().st_size > 0
+
+
+def test_a_value_with_a_minus_sign_is_explained(capsys):
+    with pytest.raises(SystemExit):
+        main(["map", "--m", "-2:2:41"])
+    assert "before a minus sign write =" in capsys.readouterr().err

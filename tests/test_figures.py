@@ -48,3 +48,11 @@ def test_no_series_has_the_colour_of_a_criterion():
 def test_unknown_attribute_is_an_attribute_error():
     with pytest.raises(AttributeError, match="no attribute 'figure'"):
         _ = pd.figure
+
+
+def test_zeros_of_a_branch_are_a_mask_or_numbers():
+    k, omega = np.linspace(0, 1, 5), np.linspace(0, 1, 5)
+    for zero in (np.array([False, False, True, False, True]), np.array([2, 4])):
+        figure = pd.figures.dispersion_curves({"a": [pd.figures.Branch("symbol", k, omega, zero=zero)]}, "title")
+        rings = [line for line in figure.axes[0].lines if line.get_marker() == "o"]
+        assert np.array_equal(rings[0].get_xdata(), [0.5, 1.0])

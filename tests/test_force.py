@@ -204,3 +204,24 @@ def test_points_on_a_slanted_line_are_refused(x64):
 def test_a_bad_traced_deformation_raises_at_run_time(bad):
     with pytest.raises(RuntimeError, match="det F > 0"):
         jax.block_until_ready(state(SETH_HILL, FAM, jnp.asarray(bad)))
+
+
+def test_a_collapsed_bond_is_named():
+    body = pd.lattice((4, 3))
+    fams, u = pd.families(body, 1.5), np.zeros((12, 2))
+    u[4] = body.positions[5] - body.positions[4]
+    with pytest.raises(ValueError, match="bond from point 4 to point 5 has collapsed"):
+        pd.force_density(pd.SethHill(0.0, pd.LinearElastic(1.0, 1.0)), fams, u)
+    with pytest.raises(ValueError, match="has collapsed"):
+        pd.force_density(pd.BondBased(1.0), fams, -body.positions)
+
+
+def test_springs_of_a_body_have_a_constant_for_each_point():
+    """Inside, that of the lattice family; and then every family has the same energy in a uniform stretch."""
+    body = pd.lattice((9, 8))
+    fams, stretch = pd.families(body, 2.0), 1.001 * np.eye(2)
+    model = pd.BondBased.from_family(1.5, fams)
+    inside = int(np.argmax(np.asarray(fams.count)))
+    assert model.c[inside] == pytest.approx(float(pd.BondBased.from_family(1.5, pd.lattice_family(2, 2)).c), rel=1e-14)
+    W = np.asarray(pd.energy_density(model, fams, np.zeros((72, 2)), stretch))
+    assert np.ptp(W) < 1e-13 * W.max() and W[0] == pytest.approx(0.5 * 1.5 * 4 * 1e-6, rel=1e-12)

@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from table import MODELS
 
 import pdjax as pd
+from pdjax.influence import INFLUENCES
 
 # values at q = r/δ = ¼, ½, ¾, 1, by hand
 KNOWN = {
@@ -141,3 +142,20 @@ def test_partial_volumes_of_a_traced_spacing():
     assert worst(beta(0.5), 0.9) < 1e-14 and beta._cache_size() == 1  # 3e-16
     with pytest.raises(ValueError, match="spacing must be finite and > 0"):
         pd.partial_volume_influence(pd.constant_influence, 0.0)
+
+
+@pytest.mark.parametrize("name", INFLUENCES)
+def test_a_name_stands_for_its_function(name):
+    named, meant = (pd.lattice_family(2, 2.5, influence=f) for f in (name, INFLUENCES[name]))
+    assert np.array_equal(named.influence, meant.influence)
+    body = pd.cloud(pd.lattice((4, 3)).positions, 1.0)
+    assert np.array_equal(pd.families(body, 2.1, name).influence, pd.families(body, 2.1, INFLUENCES[name]).influence)
+
+
+def test_the_parabola_and_names_that_are_none():
+    r = np.array([0.1, 0.5, 0.75, 1.0])
+    assert np.allclose(pd.parabolic_influence(r, 1.0), [1, 1, 0.75, 0], atol=1e-15)
+    with pytest.raises(ValueError, match="influence must be one of constant, inverse distance"):
+        pd.lattice_family(2, 2, influence="gauss")
+    with pytest.raises(ValueError, match="influence must be a function"):
+        pd.lattice_family(2, 2, influence=3.0)

@@ -120,3 +120,24 @@ def test_too_large_for_memory_and_unwritable_are_said_first(law, monkeypatch, tm
     monkeypatch.setattr(maps, "_free_memory", lambda: 100.0)
     with pytest.raises(ValueError, match="GiB are free"):
         pd.stability_map(M, A, law=law)
+
+
+@pytest.mark.parametrize("content", [b"", b"text", b"\x89PNG\r\n\x1a\n" + b"0" * 99, b"PK\x03\x04" + b"0" * 30])
+def test_a_file_that_is_no_map_is_said_and_none_is_unpickled(tmp_path, content):
+    file = tmp_path / "map.npz"
+    file.write_bytes(content)
+    with pytest.raises(ValueError, match=r"is not a map that StabilityMap\.save wrote"):
+        pd.StabilityMap.load(file)
+    np.savez(file, m=np.zeros(2))
+    with pytest.raises(ValueError, match="is not a map"):
+        pd.StabilityMap.load(file)
+    with pytest.raises(FileNotFoundError, match="no map at"):
+        pd.StabilityMap.load(tmp_path / "none.npz")
+
+
+@pytest.mark.parametrize("m, a", [([1.0], [-0.1, 0.0, 0.1]), ([0.0, 1.0], [-0.1]), ([1.0], [-0.1])])
+def test_a_map_of_one_row_is_drawn_as_lines(law, m, a):
+    grid = pd.stability_map(m, a, law=law, lines=("diagonal",), show_progress=False)
+    axes = pd.figures.stability_map(grid).axes[0]
+    drawn = [line for line in axes.lines if line.get_label() and not line.get_label().startswith("_")]
+    assert len(drawn) == 2 and np.array_equal(drawn[0].get_ydata(), grid.margin.reshape(-1))

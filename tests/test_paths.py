@@ -131,3 +131,12 @@ def test_uniaxial_stress_has_second_derivatives():
     exact = -(nu + (nu * (1 + a) / b) ** 2) / b
     second = jax.jit(jax.grad(jax.grad(lambda a: pd.uniaxial_stress(a, MODEL, FAM)[1, 1])))(a)
     assert worst(second, exact) < 1e-12  # 8e-1
+
+
+@pytest.mark.parametrize("path", [pd.hydrostatic, pd.uniaxial_strain, pd.uniaxial_stress])
+def test_a_stretch_that_is_none_is_refused_by_the_path(path):
+    with pytest.raises(ValueError, match=r"a must be > -1.*got a = -1\.5"):
+        path(-1.5, MODEL, FAM)
+    with pytest.raises(ValueError, match="a must be > -1"):
+        pd.stability_map([1.0], [-1.5, 0.0], law=pd.LinearElastic(1.0, 1.0), path=path, show_progress=False)
+    assert pd.simple_shear(-1.5, MODEL, FAM)[0, 1] == -1.5

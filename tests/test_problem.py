@@ -352,3 +352,36 @@ def test_a_mask_of_another_body_is_refused():
     still = pd.motion(pd.scene(body, fams, model, pd.prescribe(ends, 0.0)))
     with pytest.raises(ValueError, match="an observer has a mask of 10 points; the body has 12"):
         pd.simulate(still, 1.0, dt=0.1, observers={"probe": pd.observers.probe(short)}, show_progress=False)
+
+
+MOVES = pd.lattice((4, 4))
+
+
+@pytest.mark.parametrize("shift", [0.0, 1e6])
+def test_a_free_piece_far_from_the_origin_has_all_its_motions_named(shift):
+    other = MOVES.positions + np.array([50.0 + shift, 30.0])
+    body = pd.cloud(np.concatenate([MOVES.positions, other]), 1.0)
+    fams = pd.families(body, 2.0)
+    held = pd.prescribe(np.arange(4), 0.0)
+    with pytest.raises(
+        ValueError, match=r"piece 2 of 2.*translation along x, translation along y, rotation in the plane xy \(3"
+    ):
+        pd.scene(body, fams, pd.LPS(1.0, 1.0), held)
+    with pytest.raises(ValueError, match="moving=True if it is to move in time"):
+        pd.scene(body, fams, pd.LPS(1.0, 1.0), held)
+
+
+@pytest.mark.parametrize(
+    "conditions, words",
+    [
+        (lambda held: [[held]], "given one by one"),
+        (lambda held: ["held"], "conditions must come from"),
+        (lambda held: [None], "conditions must come from"),
+        (lambda held: [held, pd.total_force([15], 0.01)], r"must be a vector \(2,\)"),
+        (lambda held: [held, pd.body_force([15], 0.01)], r"must be a vector \(2,\)"),
+    ],
+)
+def test_what_is_no_condition_is_said(conditions, words):
+    held = pd.prescribe([0, 1], 0.0)
+    with pytest.raises(ValueError, match=words):
+        pd.scene(MOVES, pd.families(MOVES, 2.0), pd.LPS(1.0, 1.0), *conditions(held))

@@ -287,3 +287,8 @@ def test_the_rim_of_a_plate_is_as_wide_as_its_forces_reach(make):
     scene = pd.scenes.clamped_plate((14, 13), 2, np.diag([1.01, 0.99]), make(pd.LinearElastic(1.0, 1.0)))
     force = np.asarray(scene.unbalanced(scene.closed_form)).reshape(-1)[np.asarray(scene.unknowns)]
     assert np.abs(force).max() < 1e-14  # 2e-17
+
+
+def test_a_wave_beyond_the_zone_is_refused_with_the_one_that_it_is():
+    with pytest.raises(ValueError, match=r"up to half as many lengths.*that of \[-?20\.?\]|that of \[20"):
+        pd.scenes.wave(40, k=2 * np.pi * 100 / 40)

@@ -180,9 +180,9 @@ def _watch(motion: Motion, observers, dt, saves, every, fields, path, checkpoint
     if path is not None:
         path = writable(path)
         if path.exists() and not resume:
-            raise ValueError(
-                f"{path} exists: go on from it with resume=True, or give another name or remove it to start anew"
-            )
+            old = path.with_name(path.name + ".old")
+            os.replace(path, old)
+            warnings.warn(f"{path} was there: it is kept as {old}; to go on from it, resume=True", stacklevel=4)
         program = _go_on.lower(ready, observers, state, step, many, fields).as_text()  # type: ignore[attr-defined]
         name = checkpoints.fingerprint(program, dt, every, eqx.filter((motion, observers), eqx.is_array_like))
         if resume:
@@ -261,7 +261,8 @@ def simulate(
         save_every steps, by default such that there are about 100 saves; observers: name → function (scene, `Snapshot`)
         → array, see `pdjax.observers`; fields: keep u and v of every save, or of the last alone; checkpoint: a file,
         written every `checkpoint_every` saves, or less often where that would cost more than a twentieth of the run,
-        and when interrupted, refused if it exists; resume from it, bit for bit; throw: raise where it ends early.
+        and when interrupted (one that is there already is kept as FILE.old); resume from it, bit for bit; throw: raise
+        where it ends early.
     Returns: `History`. Under jit, vmap or grad: the same numbers, differentiable forward and backward (memory: 2
         √save_every states a save), but unwatched and without checkpoint: NaN from the save on at which a value was
         not finite; under jit and vmap dt must be given.

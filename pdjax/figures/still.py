@@ -111,7 +111,8 @@ def _one_row(grid: StabilityMap, horizon: int) -> Figure:
     for name, (m, a, values) in curves.items():
         along, style = (a if by_load else m), STYLES.get(name, "-")
         marker = "o" if len(along) == 1 else None
-        axes.plot(along, values.reshape(-1), style, marker=marker, color=COLOURS[name], label=LABELS.get(name, name))
+        look: Any = {"linestyle": style, "marker": marker, "color": COLOURS[name], "label": LABELS.get(name, name)}
+        axes.plot(along, values.reshape(-1), **look)
     axes.axhline(0, color="#888888", linewidth=0.8)
     load = f"{settings['path'].replace('_', ' ')} load a"
     axes.set_xlabel(f"{load}  [%]" if by_load else f"{settings.get('parameter', 'm')}  [–]")
