@@ -6,6 +6,11 @@
 The point state is (p, α). θ is exact under similarities for every family; the shear modulus is exact on a full ball and
 off by the anisotropy of a lattice (measured in the atlas). k is the d-dimensional bulk modulus: `plane_bulk_modulus`
 gives it for plane strain and plane stress. In 1D there is no shear and the model is refused.
+
+A bond between two materials (k, G that vary from point to point): each end pulls with its own point's constants,
+f_ij = t(k_i, G_i, A_i) + t(k_j, G_j, A_j), which is the derivative of the energy Σ V_i W_i. Some public codes give both
+ends the mean of the two instead; that is no derivative of this energy. For two points with moduli E and 2E and volumes
+1 and 2 the two rules differ by 11 %.
 Source: Silling et al. 2007.
 """
 
