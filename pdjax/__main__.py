@@ -342,7 +342,7 @@ def main(argv: list[str] | None = None) -> int:
         print(f"pdjax {arguments.job}: {error}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
-        print(f"\npdjax {arguments.job}: interrupted; what was written before it stays, and nothing is half-written", file=sys.stderr)
+        print(f"\npdjax {arguments.job}: interrupted; what was written already stays, whole", file=sys.stderr)
         return 130
     return 0
 
