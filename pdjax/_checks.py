@@ -41,8 +41,7 @@ def computed_in_double(program: Any, *arguments: Any) -> Any:
     What is computed on the host and decides a verdict is computed so: in 32 bits a stiffness over a length to the
     fourth is beyond all numbers for a lattice of a micrometre in SI units.
     """
-
-    with _of_64_bits(True):
+    with _of_64_bits():
         return computed(program, *_double(arguments))
 
 
@@ -72,7 +71,7 @@ def in_double(function: Callable) -> Callable:
         given = (args, kwargs)
         if not any(map(is_single, jax.tree.leaves(given))) or not is_concrete(given) or inside_jit():
             return function(*args, **kwargs)
-        with _of_64_bits(True):
+        with _of_64_bits():
             args, kwargs = _double(given)
             out = jax.device_get(eqx.filter(answer := function(*args, **kwargs), lambda x: isinstance(x, jax.Array)))
         narrow = jax.tree.map(lambda x: jax.device_put(np.asarray(x, np.float32) if x.dtype == float else x), out)
@@ -81,12 +80,12 @@ def in_double(function: Callable) -> Callable:
     return run
 
 
-def _of_64_bits(on: bool) -> Any:
+def _of_64_bits() -> Any:
     if hasattr(jax, "enable_x64"):
-        return jax.enable_x64(on)
+        return jax.enable_x64(True)
     from jax.experimental import enable_x64  # type: ignore[attr-defined]  # its old place
 
-    return enable_x64(on)
+    return enable_x64(True)
 
 
 def namespace(*trees: Any) -> Any:

@@ -36,9 +36,9 @@ from .criteria.critical import deformations
 from .criteria.on_host import outcomes
 from .evaluate import force_operator
 from .family_search import families
-from .lattice_states import checked_states, symbol
+from .lattice_states import checked_states, rings, symbol
 from .laws import LinearElastic, law_label
-from .models.base import AbstractModel, TwoStageModel
+from .models.base import AbstractModel
 from .models.catalogue import CATALOGUE, model_name
 from .models.correspondence import Correspondence
 from .neighbours import Family, lattice_family
@@ -148,8 +148,7 @@ def zero_energy_waves(model: AbstractModel, fam: Family) -> np.ndarray:
     makes the same: as far as a search from 64 starts finds them."""
     symmetry = "cubic" if fam.cubic and model.isotropic else "inversion"
     states = checked_states(model, fam, np.eye(fam.dim)[None])
-    rings = 3 if isinstance(model, TwoStageModel) else 2
-    settings = fam.dim, len(fam.influence), rings, GRID[fam.dim] * fam.reach, symmetry
+    settings = fam.dim, len(fam.influence), rings(model), GRID[fam.dim] * fam.reach, symmetry
     points, values = computed_in_double(_zero_search, packed(states.scaled[0]), *settings)
     tolerance = 100 * float(margin_tolerance(points.dtype))
     found = points[np.abs(values) <= tolerance] / np.pi

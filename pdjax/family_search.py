@@ -17,8 +17,8 @@ from ._doors import taught
 from .influence import constant_influence
 from .lattice_arrays import LatticeArrays
 from .neighbours import TIE, Families, Grid, cells_within, checked_influence
-from .points import Points
-from .ties import BAND, CutShell, cut_shell, tie_radius
+from .points import Points, check_body
+from .ties import BAND, CLEAR, CutShell, cut_shell, tie_radius
 
 
 def _refuse_short_box(body: Points, radius: float) -> None:
@@ -75,7 +75,7 @@ def _warn_of_cut_shell(cut: CutShell, body: Points, horizon: float) -> None:
     shift = ", or shift the origin nearer to the points" if far else ""
     warnings.warn(
         f"the horizon {horizon:.6g} cuts through one shell of neighbours, so points that look alike may have different"
-        f" families: {cut}. Take a horizon between two shells, {horizon * 1.005:.6g} (3 spacings become"
+        f" families: {cut}. Take a horizon between two shells, {CLEAR * horizon:.6g} (3 spacings become"
         f" 3.015){shift}; pdjax.neighbour_report tells the counts",
         stacklevel=3,
     )
@@ -94,8 +94,7 @@ def families(
         a point without neighbours, a periodic box not longer than two horizons, a bad influence.
     Warns where the horizon cuts through bonds of one length (`pdjax.ties`), as it may with coordinates of few digits.
     """
-    if not isinstance(body, Points):
-        raise ValueError(f"body must be Points (lattice, bar, plate, cuboid, cloud); got {type(body).__name__}")
+    check_body("body", body)
     horizon = checked_horizon(horizon)
     if body.spacing is not None and horizon < body.spacing / (1 + TIE):
         raise ValueError(f"horizon must be finite, > 0 and at least one spacing ({body.spacing}); got {horizon}")

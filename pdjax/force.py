@@ -96,14 +96,14 @@ def point_field(u, fams: Families, name: str = "u") -> Array:
     return as_array(u, fams.dtype)
 
 
-def _mean(F, fams: Families) -> Array | None:
+def mean_deformation(F, fams: Families) -> Array | None:
     return None if F is None else deformation_gradient(F, fams.dim)
 
 
 def body_state(model: AbstractModel, fams: Families, u, F=None) -> tuple[Array, Array | None]:
     """The checked displacement and mean deformation (or None) of a body whose bonds are needed."""
     check_model(model, fams, Families)
-    u, F = point_field(u, fams), _mean(F, fams)
+    u, F = point_field(u, fams), mean_deformation(F, fams)
     fams.need_arrays()
     return u, F
 

@@ -46,8 +46,19 @@ class States(NamedTuple):
         return self.blocks * np.reshape(self.spacing**2 / self.modulus, (-1, 1, 1, 1))
 
 
-def _rings(model: AbstractModel) -> int:
+def rings(model: AbstractModel) -> int:
+    """How many rings of neighbours the blocks of a model's series reach."""
     return 3 if isinstance(model, TwoStageModel) else 2
+
+
+def offsets_of(model: AbstractModel, fam: Family) -> np.ndarray:
+    """Half of the offsets (offsets, dim) that the blocks of a model's series stand for."""
+    return reached(fam.dim, len(fam.influence), rings(model))
+
+
+def modulus_of(resting: np.ndarray, offsets: np.ndarray, spacing: float) -> Any:
+    """M [pressure] (...,) from the blocks (..., offsets, dim, dim) of resting states: minus Ĵ₁₁/k² of long waves."""
+    return resting[..., 0, 0] @ offsets[:, 0] ** 2 * spacing**2
 
 
 @quick_jit(ONCE)
@@ -69,8 +80,7 @@ def _linearise(model: AbstractModel, fam: Family, F: Float[Array, "states dim di
 
 def linearised(model: AbstractModel, fam: Family, F: np.ndarray) -> States:
     """The states F (states, dim, dim) of a concrete model on a concrete, checked family; up to STATES at once."""
-    dim, bonds = fam.dim, len(fam.influence)
-    count = len(F)
+    dim, count = fam.dim, len(F)
     every = np.broadcast_to(np.eye(dim), (STATES + 1, dim, dim)).copy()  # the first stays the resting one
     every[1 : count + 1] = F
 
@@ -79,9 +89,8 @@ def linearised(model: AbstractModel, fam: Family, F: np.ndarray) -> States:
         if isinstance(out, StateTangent):
             each = zip(out.b, out.g, out.r, strict=True)
             out = np.stack([series_of_state(*parts) for parts in itertools.islice(each, count + 1)])
-        offsets, h = reached(dim, bonds, _rings(model)), float(fam.spacing)
-        modulus = float(offsets[:, 0] ** 2 @ out[0, :, 0, 0]) * h**2
-        return States(out[1 : count + 1], offsets, modulus, h)
+        offsets, h = offsets_of(model, fam), float(fam.spacing)
+        return States(out[1 : count + 1], offsets, float(modulus_of(out[0], offsets, h)), h)
 
     return remember(fam, ("linearised", value_key(model), every.tobytes(), count), make)
 

@@ -26,16 +26,16 @@ from ._doors import taught
 from ._progress import progress
 from ._xla import ONCE, QUICK, quick_jit
 from .bloch import homogeneous_tangent
-from .cosine_series import reached, series
+from .cosine_series import series
 from .criteria import CRITERIA, evaluate, family_zone, margin_tolerance, verdicts
 from .criteria.critical import deformations
 from .criteria.on_host import FROM_STATES, MANY, from_states
 from .devices import device_mesh, sharded_vmap
 from .force import check_model
 from .influence import constant_influence
-from .lattice_states import States, check_modulus, has_series, resting_modulus
+from .lattice_states import States, check_modulus, has_series, modulus_of, offsets_of, resting_modulus
 from .laws import Law, law_label
-from .models.base import AbstractModel, TwoStageModel
+from .models.base import AbstractModel
 from .models.seth_hill import SethHill
 from .neighbours import Family, lattice_family
 from .paths import Path, check_stretch, hydrostatic, path_symmetry
@@ -161,7 +161,7 @@ def _evaluated(job: "_Job", make: Callable, path: Path, mesh: Mesh | None) -> li
     able = _from_series(model, job.names, mesh)
     if able:
         blocks = computed_in_double(_linearised_chunk, job.m, job.a, np.asarray(False), fam, make, path)
-        states = States(blocks, _offsets(model, fam), job.modulus, float(fam.spacing))
+        states = States(blocks, offsets_of(model, fam), job.modulus, float(fam.spacing))
         found = {name: from_states(name, model, fam, states, zone) for name in able}
         found = {n: (o.margin, o.eigenvalue, margin_tolerance(job.m.dtype, o.scale)) for n, o in found.items()}
     rest = tuple(n for n in job.names if n not in found)
@@ -192,10 +192,6 @@ def _check_memory(shape: tuple[int, ...], criteria: int) -> None:
         )
 
 
-def _offsets(model: AbstractModel, fam: Family) -> np.ndarray:
-    return reached(fam.dim, len(fam.influence), 3 if isinstance(model, TwoStageModel) else 2)
-
-
 def _moduli(make: Callable, orders: np.ndarray, fam: Family, path: Path, size: int) -> np.ndarray:
     """The checked P-wave modulus of every order, by the program that linearises the chunks."""
     orders = orders[:1] if isinstance(make, _SethHillOf) else orders  # at rest its order changes nothing
@@ -204,12 +200,12 @@ def _moduli(make: Callable, orders: np.ndarray, fam: Family, path: Path, size: i
         check_model(model, fam, Family)
     if not has_series(models[0]):
         return np.array([resting_modulus(model, fam) for model in models])
-    along, values = _offsets(models[0], fam)[:, 0] ** 2, np.empty(len(orders))
+    offsets, values = offsets_of(models[0], fam), np.empty(len(orders))
     for start in range(0, len(orders), size):
         index = np.minimum(np.arange(start, start + size), len(orders) - 1)
         m = orders[index].astype(fam.xi.dtype)
         blocks = computed_in_double(_linearised_chunk, m, np.zeros_like(m), np.asarray(True), fam, make, path)
-        values[index] = blocks[:, :, 0, 0] @ along * float(fam.spacing) ** 2
+        values[index] = modulus_of(blocks, offsets, float(fam.spacing))
     for model, value in zip(models, values, strict=True):
         check_modulus(model, value)
     return values

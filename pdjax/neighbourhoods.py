@@ -7,8 +7,8 @@ import numpy as np
 
 from ._doors import taught
 from .family_search import checked_horizon, pairs_within
-from .points import Points
-from .ties import BAND, CutShell, cut_shell, tie_radius
+from .points import Points, check_body
+from .ties import BAND, CLEAR, CutShell, cut_shell, tie_radius
 
 
 @dataclass(frozen=True, repr=False)
@@ -48,7 +48,7 @@ class NeighbourReport:
         if self.alone.any():
             lines.append(f"without a neighbour: {self.alone.sum()} points, the first is point {np.argmax(self.alone)}")
         if self.cut is not None:
-            lines.append(f"the horizon cuts a shell: {self.cut}; {1.005 * self.horizon:.6g} would not")
+            lines.append(f"the horizon cuts a shell: {self.cut}; {CLEAR * self.horizon:.6g} would not")
         return "\n".join(lines)
 
 
@@ -60,8 +60,7 @@ def neighbour_report(points: Points, horizon: float) -> NeighbourReport:
     Raises: ValueError for a horizon that is not finite and > 0, coinciding points, a periodic box not longer than two
         horizons.
     """
-    if not isinstance(points, Points):
-        raise ValueError(f"points must be Points (lattice, bar, plate, cuboid, cloud); got {type(points).__name__}")
+    check_body("points", points)
     horizon = checked_horizon(horizon)
     radius = tie_radius(points, horizon)
     wide: Any = 1.5 * horizon

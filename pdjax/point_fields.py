@@ -10,9 +10,9 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ._checks import deformation_gradient
+from ._checks import as_real
 from ._doors import taught
-from .force import body_state, energy_of_each, force_states, plain_exchange, point_field
+from .force import body_state, energy_of_each, force_states, mean_deformation, plain_exchange, point_field
 from .kinematics import displacement_gradient, stretch_minus_one
 from .models.base import AbstractModel
 from .models.pointwise import none_if_empty, regular
@@ -47,8 +47,7 @@ def dilatation(families: Families, u, F=None) -> Float[Array, " points"]:
     Arguments: u (points, dim) [length]; F (dim, dim) a mean deformation under it, or None.
     """
     families.need_arrays()
-    F = None if F is None else deformation_gradient(F, families.dim)
-    return _dilatation(families, point_field(u, families), F)
+    return _dilatation(families, point_field(u, families), mean_deformation(F, families))
 
 
 @taught
@@ -88,7 +87,7 @@ def von_mises(stress, out_of_plane=0.0) -> Float[Array, "..."]:
     Arguments: stress (..., dim, dim) [pressure]; out_of_plane (...) [pressure] σ₃₃ of a 2D body (0: plane stress; in
         plane strain ν (σ₁₁ + σ₂₂)), and of both directions across a 1D body. Not used in 3D.
     """
-    return _von_mises(jnp.asarray(stress), jnp.asarray(out_of_plane))
+    return _von_mises(as_real(stress, "stress"), as_real(out_of_plane, "out_of_plane"))
 
 
 @eqx.filter_jit

@@ -54,6 +54,12 @@ class Points(eqx.Module):
         return self.positions.shape[0]
 
 
+def check_body(name: str, body: object) -> None:
+    """Refuse what is no set of points."""
+    if not isinstance(body, Points):
+        raise ValueError(f"{name} must be Points (lattice, bar, plate, cuboid, cloud); got {type(body).__name__}")
+
+
 @taught
 def cloud(positions, volumes, period: Sequence[float] | None = None) -> Points:
     """Any set of points.

@@ -27,7 +27,7 @@ from .evaluate import ForceOperator, force_density, force_operator
 from .force import check_model
 from .models.base import AbstractModel
 from .neighbours import Families
-from .points import Points
+from .points import Points, check_body
 
 
 class Scene(eqx.Module):
@@ -238,14 +238,8 @@ def _check_held(body: Points, fams: Families, held: np.ndarray) -> None:
             )
 
 
-def _check_kinds(body: Any, fams: Any, model: Any, conditions: Sequence[Any]) -> None:
-    """Refuse what stands in another's place."""
-    if not isinstance(body, Points):
-        raise ValueError(f"body must be Points (lattice, bar, plate, cuboid, cloud); got {type(body).__name__}")
-    if not isinstance(fams, Families):
-        raise ValueError(f"fams must be Families, of pd.families(body, horizon); got {type(fams).__name__}")
-    if not isinstance(model, AbstractModel):
-        raise ValueError(f"model must be a pdjax model such as SethHill or Correspondence; got {model!r:.80}")
+def _check_conditions(conditions: Sequence[Any]) -> None:
+    """Refuse what is no condition."""
     for condition in conditions:
         if isinstance(condition, list | tuple) and not isinstance(condition, Condition):
             raise ValueError(
@@ -276,13 +270,14 @@ def scene(
     Raises: ValueError for families of another body, contradictory prescriptions, a load on a held component,
         nothing left free, or a rigid motion of a piece that nothing holds (named).
     """
-    _check_kinds(body, fams, model, conditions)
+    check_body("body", body)
+    check_model(model, fams, Families)  # refuses families the model can't use
+    _check_conditions(conditions)
     if len(fams) != len(body) or fams.dim != body.dim:
         raise ValueError(f"fams must be families of this body of {len(body)} points; got those of {len(fams)} points")
     if mean is not None and body.period is None:
         raise ValueError("mean deformation is for periodic bodies; prescribe displacements of this one instead")
     shape = (len(body), body.dim)
-    check_model(model, fams, Families)  # refuses families the model can't use
     held, value = _prescribe(conditions, shape, 16 * float(jnp.finfo(fams.dtype).eps))
     if held.all():
         raise ValueError("the body is over-constrained: every displacement is prescribed and nothing is left to solve")

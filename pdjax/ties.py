@@ -17,6 +17,7 @@ from .neighbours import TIE
 from .points import Points
 
 BAND = 0.02  # of the horizon, to either side: where a cut shell is looked for
+CLEAR = 1.005  # horizons: beyond a shell that it cuts, and short of the next (3 spacings become 3.015)
 GAP = 4e-3  # of the horizon: lengths nearer to each other than this are of one shell
 
 

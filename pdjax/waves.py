@@ -52,15 +52,16 @@ def _dispersion(model: AbstractModel, fam: Family, F: Array, k: Array, density: 
         return tangent(wave_phases(fam, k))
 
     J, slope = jax.vmap(one)(k), jax.vmap(jax.jacfwd(one))(k)  # (waves, dim, dim), (waves, dim, dim, dim of k)
-    return Dispersion(*_branches(k, J, slope, modulus_at_rest(model, fam) * wave_phases(fam, k).kappa2, density))
+    scale = modulus_at_rest(model, fam) * wave_phases(fam, k).kappa2
+    return Dispersion(*_branches(k, J, slope, scale, density, margin_tolerance(J.dtype)))
 
 
-def _branches(k: Any, J: Any, slope: Any, scale: Any, density: Any) -> tuple:
-    """The fields of `Dispersion` from Ĵ, ∂Ĵ/∂k and M κ², which is 0 at k = 0."""
+def _branches(k: Any, J: Any, slope: Any, scale: Any, density: Any, tolerance: Any) -> tuple:
+    """The fields of `Dispersion` from Ĵ, ∂Ĵ/∂k and M κ², which is 0 at k = 0; `tolerance` beside M κ² counts as 0."""
     xp = namespace(J, density)
     value, mode = xp.linalg.eigh((J + J.mT) / 2)
     value, mode = value[:, ::-1], mode[:, :, ::-1]
-    still = abs(value) <= margin_tolerance(value.dtype) * scale[:, None]
+    still = abs(value) <= tolerance * scale[:, None]
     square = xp.where(still, 0.0, -value / density)
 
     def root(x):
@@ -79,7 +80,8 @@ def _from_series(model: AbstractModel, fam: Family, F: np.ndarray, k: np.ndarray
     h, blocks = states.spacing, states.blocks[0]
     J, slope = (f(blocks, states.offsets, h * k) for f in (symbols, symbol_slopes))
     kappa2 = np.sum((2 / h * np.sin(k * h / 2)) ** 2, axis=-1)
-    *found, zero = _branches(k, J, h * slope, states.modulus * kappa2, density)
+    tolerance = margin_tolerance(fam.xi.dtype)  # of the precision that k and the constants were given in
+    *found, zero = _branches(k, J, h * slope, states.modulus * kappa2, density, tolerance)
     return Dispersion(*on_device((*(np.ascontiguousarray(x, fam.xi.dtype) for x in found), zero)))  # type: ignore[call-arg]
 
 

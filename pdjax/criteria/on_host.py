@@ -19,8 +19,8 @@ import numpy as np
 
 from .._checks import computed_in_double
 from ..cosine_series import packed, reached
-from ..lattice_states import STATES, States, check_at_rest, checked_states, has_series
-from ..models.base import AbstractModel, TwoStageModel
+from ..lattice_states import STATES, States, check_at_rest, checked_states, has_series, rings
+from ..models.base import AbstractModel
 from ..neighbours import Family
 from ..zone import Zone, brillouin_zone
 from .outcome import Outcome, margin_tolerance
@@ -44,8 +44,7 @@ def searched(states: States, model: AbstractModel, fam: Family, zone: Zone) -> F
     count = len(scaled)
     padded = np.zeros((-(-count // MANY) * MANY, *scaled.shape[1:]), scaled.dtype)
     padded[:count] = scaled
-    rings = 3 if isinstance(model, TwoStageModel) else 2
-    program = _search(fam.dim, len(fam.influence), rings, zone.intervals, zone.symmetry)
+    program = _search(fam.dim, len(fam.influence), rings(model), zone.intervals, zone.symmetry)
     return Found(*(x[:count] for x in computed_in_double(program, padded, np.asarray(count))))
 
 

@@ -52,7 +52,7 @@ def _screen(blocks: Float[Any, "offsets p"], offsets: np.ndarray, zone: Zone) ->
     values = on_grid(blocks, offsets, list(zone.axes)).reshape(blocks.shape[1], -1)[:, zone.places]
     top = largest_eigenvalue(entries(values, dim))
     screen = top / np.sum(4 * np.sin(grid / 2) ** 2, axis=1)
-    rows, columns = np.triu_indices(dim)
+    (rows, columns), _ = upper(dim)
     pairs = compass[:, rows] * compass[:, columns] * np.where(rows == columns, 1, 2).astype(real)
     fourth = (offsets[:, rows] * offsets[:, columns]).astype(real).T @ blocks
     long = -(pairs @ fourth)
