@@ -12,8 +12,7 @@ needed. A model of two stages has, with Z = (Δ; S; S at the far end), S = R Δ 
 energy, V J = −Zᵀ (V H) Z, since its states are linear in η.
 """
 
-import os
-from concurrent.futures import ThreadPoolExecutor
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -25,6 +24,7 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import Array
 
 from ._checks import computed_in_double
+from ._threads import cores, shared
 from ._xla import QUICK, quick_jit
 from .linearise import TwoStage, family_tangent, linearise_states, linearise_two_stage
 from .models.base import AbstractModel, PointStateModel, TwoStageModel
@@ -90,18 +90,18 @@ class _Rings(NamedTuple):
 
 def _product(P: sp.bsr_array, S: sp.bsr_array) -> sp.bsr_array:
     """P S with sorted blocks, some rows in every thread: SciPy lets go of the interpreter while it multiplies."""
-    rows, height, threads = len(P.indptr) - 1, P.blocksize[0], os.cpu_count() or 1
+    rows, height, threads = len(P.indptr) - 1, P.blocksize[0], cores()
     cuts = [*np.searchsorted(P.indptr, P.indptr[-1] * np.arange(threads) / threads).tolist(), rows]
 
-    def part(first: int, last: int) -> sp.bsr_array:
+    def part(rows: tuple[int, int]) -> sp.bsr_array:
+        first, last = rows
         a, b = P.indptr[first], P.indptr[last]
         data = (P.data[a:b], P.indices[a:b], P.indptr[first : last + 1] - a)
         out = sp.bsr_array(data, shape=((last - first) * height, P.shape[1])) @ S
         out.sort_indices()
         return out
 
-    with ThreadPoolExecutor(threads) as pool:
-        parts = list(pool.map(part, cuts[:-1], cuts[1:]))
+    parts = list(shared(part, list(pairwise(cuts))))
     starts = np.cumsum([0, *(len(p.indices) for p in parts)])
     indptr = np.concatenate([[0], *(p.indptr[1:] + s for p, s in zip(parts, starts, strict=False))])
     data, indices = (np.concatenate([getattr(p, name) for p in parts]) for name in ("data", "indices"))

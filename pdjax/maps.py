@@ -342,7 +342,7 @@ def _chunk_size(zone: Zone, devices: int, states: int) -> int:
     """States in a chunk: whole groups of states that climb together."""
     dim = zone.grid.shape[1]
     size = int(np.clip(_CHUNK_BYTES // (8 * len(zone.grid) * dim * (dim + 4)), 16, 4096))
-    return min(max(size // MANY * MANY, min(size, MANY)) * devices, states)
+    return min(max(size // MANY[dim] * MANY[dim], min(size, MANY[dim])) * devices, states)
 
 
 def _jobs(fam, zone: Zone, names: tuple[str, ...], orders, moduli, loads, size: int, out: np.ndarray) -> list:

@@ -26,14 +26,14 @@ from ..zone import Zone, brillouin_zone
 from .outcome import Outcome, margin_tolerance
 from .waves import Found, search, search_few
 
-MANY = 64  # states that climb together where there are many of them
+MANY = {1: 64, 2: 256, 3: 64}  # states that climb together in a map: measured fastest of 16, 64, 256, 1024
 
 
 @lru_cache(maxsize=64)
 def _search(dim: int, bonds: int, rings: int, intervals: int, symmetry: str) -> Any:
     """The search of many states as one program: its sizes are all it is made for."""
     offsets, zone = reached(dim, bonds, rings), brillouin_zone(dim, intervals, symmetry)
-    return jax.jit(partial(search, offsets=offsets, zone=zone, group=MANY))
+    return jax.jit(partial(search, offsets=offsets, zone=zone, group=MANY[dim]))
 
 
 def searched(states: States, model: AbstractModel, fam: Family, zone: Zone) -> Found:
@@ -41,8 +41,8 @@ def searched(states: States, model: AbstractModel, fam: Family, zone: Zone) -> F
     scaled = packed(states.scaled)
     if len(scaled) <= STATES:
         return search_few(scaled, states.offsets, zone)
-    count = len(scaled)
-    padded = np.zeros((-(-count // MANY) * MANY, *scaled.shape[1:]), scaled.dtype)
+    count, many = len(scaled), MANY[fam.dim]
+    padded = np.zeros((-(-count // many) * many, *scaled.shape[1:]), scaled.dtype)
     padded[:count] = scaled
     program = _search(fam.dim, len(fam.influence), rings(model), zone.intervals, zone.symmetry)
     return Found(*(x[:count] for x in computed_in_double(program, padded, np.asarray(count))))

@@ -20,6 +20,8 @@ from typing import Any
 
 import jax
 
+from .._threads import cores
+
 LONGEST = ("cuboid", "step-bar", "singular-bar", "maps-2d")  # begun first, so that none is left alone at the end
 MOST = 4  # processes: three sheets take most of the time, and each takes some GB
 _SHARED = (
@@ -49,8 +51,7 @@ def make(name: str, quick: bool, file: Path) -> tuple[dict, float]:
 def processes(jobs: int) -> int:
     """How many to use: one for each job and core, and no more than MOST; one alone on an accelerator, whose memory the
     first process has."""
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    return max(1, min(jobs, cores, MOST)) if jax.default_backend() == "cpu" else 1
+    return max(1, min(jobs, cores(), MOST)) if jax.default_backend() == "cpu" else 1
 
 
 def each(work: Callable, jobs: dict[str, tuple], count: int) -> Generator[tuple[str, Any], None, None]:

@@ -14,7 +14,6 @@ Silling's model takes 12 transforms forth and 12 back in 3D, whatever the horizo
 """
 
 import math
-import os
 from collections.abc import Iterable
 from typing import Any, NamedTuple
 
@@ -28,6 +27,7 @@ from jaxtyping import Array, Complex, Float
 from .._checks import computed, is_concrete, namespace, on_device, on_host
 from .._dependence import known_part
 from .._memory import remember
+from .._threads import cores
 from .._xla import ONCE, quick_jit
 from ..models.base import PointStateModel, Sums
 from ..neighbours import EACH_BOND, Bonds, Families
@@ -296,7 +296,7 @@ def _transformed(fams: Families, plan: Plan, rows: np.ndarray, reference: np.nda
         return fft.irfftn(spectra, s=box, axes=axes)[(slice(None), *(slice(0, n) for n in grid.cells))]
 
     filled = to_cells(xp.ones((len(fams), 1), real), grid.cells, grid.sites)[0]
-    with scipy.fft.set_workers(os.cpu_count() or 1):
+    with scipy.fft.set_workers(cores()):
         spectra, body = transforms(rows), fft.rfftn(filled, s=box)
         still = back(spectra * body)
         distinct, number, scale = _distinct(reference.T)
