@@ -1,0 +1,27 @@
+"""Work shared between the cores of the machine, in threads: compiled programs and scipy release Python's lock."""
+
+import os
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import TypeVar
+
+Item, Answer = TypeVar("Item"), TypeVar("Answer")
+
+
+def cores() -> int:
+    """The number of cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def shared(do: Callable[[Item], Answer], items: Sequence[Item]) -> Iterator[Answer]:
+    """Yield `do(item)` of every item, in order; as many at once as there are cores.
+
+    An error, or a caller that stops, cancels what has not begun.
+    """
+    with ThreadPoolExecutor(max(1, min(cores(), len(items)))) as pool:
+        running = [pool.submit(do, item) for item in items]
+        try:
+            for each in running:
+                yield each.result()
+        finally:
+            pool.shutdown(cancel_futures=True)
