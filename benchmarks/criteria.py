@@ -12,9 +12,10 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import pdjax as pd
-from pdjax import criteria, zone
 from pdjax.bench.harness import timed, write
 from pdjax.figures import COLOURS
+from pdjax.infinite_lattice import brillouin as zone
+from pdjax.infinite_lattice import criteria
 
 jax.config.update("jax_enable_x64", True)
 LAW = pd.LinearElastic(1.0, 1.0)

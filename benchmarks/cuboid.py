@@ -10,11 +10,11 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 import pdjax as pd
-from pdjax._run_motions import roughness
 from pdjax.bench.harness import write
+from pdjax.cli.motions import roughness
 from pdjax.figures import COLOURS
-from pdjax.paper.cuboid import LAW, ONSET, START, STRAINS, growth, predicted, pull
-from pdjax.reduced import matrix
+from pdjax.finite_body.factorisation import matrix
+from pdjax.studies.paper.cuboid import LAW, ONSET, START, STRAINS, growth, predicted, pull
 
 jax.config.update("jax_enable_x64", True)
 FAMILY = pd.lattice_family(3, 3)

@@ -19,13 +19,13 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import pdjax as pd
-from pdjax._run_motions import roughness
 from pdjax.bench.harness import machine, results, write
-from pdjax.criteria.flutter import growth_square
-from pdjax.kinematics import seth_hill
+from pdjax.cli.motions import roughness
+from pdjax.finite_body.factorisation import matrix
+from pdjax.infinite_lattice.criteria.flutter import growth_square
 from pdjax.models.catalogue import CATALOGUE
-from pdjax.paper.cuboid import ONSET
-from pdjax.reduced import matrix
+from pdjax.models.kinematics import seth_hill
+from pdjax.studies.paper.cuboid import ONSET
 
 jax.config.update("jax_enable_x64", True)
 STRESS = 1e-5  # over E₀

@@ -21,8 +21,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import pdjax as pd
-from pdjax import zone
 from pdjax.bench.harness import timed, write
+from pdjax.infinite_lattice import brillouin as zone
 
 jax.config.update("jax_enable_x64", True)
 QUICK = "--quick" in sys.argv[1:]

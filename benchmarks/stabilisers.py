@@ -14,8 +14,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import pdjax as pd
-from pdjax import criteria
 from pdjax.bench.harness import write
+from pdjax.infinite_lattice import criteria
 
 jax.config.update("jax_enable_x64", True)
 LAW = pd.LinearElastic(1.0, 1.0)

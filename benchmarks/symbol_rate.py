@@ -19,9 +19,10 @@ import numba
 import numpy as np
 
 import pdjax as pd
-from pdjax import bloch, zone
 from pdjax.bench.harness import timed, write
-from pdjax.kinematics import direction_mandel
+from pdjax.infinite_lattice import bloch
+from pdjax.infinite_lattice import brillouin as zone
+from pdjax.models.kinematics import direction_mandel
 
 jax.config.update("jax_enable_x64", True)
 LAW = pd.LinearElastic(1.0, 1.0)

@@ -12,9 +12,10 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter
 
 import pdjax as pd
-from pdjax import bloch, criteria, zone
 from pdjax.bench.harness import timed, write
 from pdjax.figures import SERIES
+from pdjax.infinite_lattice import bloch, criteria
+from pdjax.infinite_lattice import brillouin as zone
 
 jax.config.update("jax_enable_x64", True)
 LAW = pd.LinearElastic(1.0, 1.0)

@@ -4,26 +4,20 @@ Write a material model once, for one family of bonds; get its forces, its exact 
 critical loads and their gradients; and the equilibria and motions of whole bodies with their spectra.
 The library follows the dtype of its inputs and never touches `jax.config`, unless you call `use_compilation_cache`:
 for signs of eigenvalues, enable float64 first, `jax.config.update("jax_enable_x64", True)`. One flag of XLA it sets,
-and says why (`pdjax._xla`): import it before the first computation.
+and says why (`pdjax._internal.xla`): import it before the first computation.
 `pdjax.figures` and `pdjax.export` load matplotlib and meshio when they are first used, not before.
 """
 
 import importlib as _importlib
 
-from . import _xla as _xla
-from . import closed_forms, observers, scenes
-from .atlas import Atlas, model_atlas, zero_energy_waves
+from . import scenes
+from ._internal import xla as _xla
+from ._internal.compilation_cache import use_compilation_cache
 from .bench.advice import advise
-from .cells import CellStability, cell_families, cell_stability, cell_symbol, relaxed
-from .compilation_cache import use_compilation_cache
-from .conditions import body_force, homogeneous_traction, prescribe, total_force
-from .criteria import CRITERIA, Stability, stability
-from .criteria.body import BodyStability, body_inertia, body_spectrum, body_stability
-from .criteria.body_critical import BodyCritical, body_critical_load
-from .criteria.critical import critical_load, load_slope, stable_orders
-from .cuts import Plane, Polygon, Segment, cut
-from .devices import SlabForce, sharded_vmap, slab_force
-from .dynamics import (
+from .finite_body import observers
+from .finite_body.conditions import body_force, homogeneous_traction, prescribe, total_force
+from .finite_body.critical_load import BodyCritical, body_critical_load
+from .finite_body.dynamics import (
     Energies,
     Failure,
     History,
@@ -43,10 +37,16 @@ from .dynamics import (
     symplectic_terms,
     verlet_rate,
 )
-from .evaluate import ForceOperator, force_density, force_operator
-from .family_search import families
-from .force import force_state, piola_stress, strain, strain_energy, stress
-from .influence import (
+from .finite_body.scene import Scene, scene
+from .finite_body.spectrum import BodyStability, body_inertia, body_spectrum, body_stability
+from .finite_body.statics import Equilibrium, EquilibriumPath, equilibrium_path, solve
+from .force.backends.slabs import SlabForce, sharded_vmap, slab_force
+from .force.fields import force_state, piola_stress, strain, strain_energy, stress
+from .force.operator import ForceOperator, force_density, force_operator
+from .force.point_fields import cauchy_stress, dilatation, energy_density, von_mises, weighted_volume
+from .geometry.bonds import Bonds, Families, Family, lattice_family
+from .geometry.cuts import Plane, Polygon, Segment, cut
+from .geometry.influence import (
     constant_influence,
     cubic_spline_influence,
     gaussian_influence,
@@ -55,10 +55,17 @@ from .influence import (
     parabolic_influence,
     partial_volume_influence,
 )
-from .kinematics import bond_average_strain, local_strain, log_stretch, shape_tensor_K, shape_tensor_L
-from .lattice_states import center_block, p_wave_modulus, symbol
-from .laws import EnergyLaw, Law, LinearElastic, NeoHookean
-from .maps import StabilityMap, stability_map
+from .geometry.neighbour_search import families
+from .geometry.points import Points, bar, cloud, cuboid, lattice, plate
+from .geometry.report import NeighbourReport, neighbour_report
+from .infinite_lattice.atlas import Atlas, model_atlas, zero_energy_waves
+from .infinite_lattice.cells import CellStability, cell_families, cell_stability, cell_symbol, relaxed
+from .infinite_lattice.criteria import CRITERIA, Stability, stability
+from .infinite_lattice.criteria.critical_load import critical_load, load_slope, stable_orders
+from .infinite_lattice.dispersion import Dispersion, classical_frequency, dispersion
+from .infinite_lattice.lattice_states import center_block, p_wave_modulus, symbol
+from .infinite_lattice.maps import StabilityMap, stability_map
+from .infinite_lattice.paths import PATHS, hydrostatic, simple_shear, uniaxial_strain, uniaxial_stress
 from .models import (
     CATALOGUE,
     LPS,
@@ -82,15 +89,10 @@ from .models import (
     linearised,
     plane_bulk_modulus,
 )
-from .neighbourhoods import NeighbourReport, neighbour_report
-from .neighbours import Bonds, Families, Family, lattice_family
-from .paths import PATHS, hydrostatic, simple_shear, uniaxial_strain, uniaxial_stress
-from .point_fields import cauchy_stress, dilatation, energy_density, von_mises, weighted_volume
-from .points import Points, bar, cloud, cuboid, lattice, plate
-from .problem import Scene, scene
-from .statics import Equilibrium, EquilibriumPath, equilibrium_path, solve
-from .tangent import jacobian, jvp
-from .waves import Dispersion, classical_frequency, dispersion
+from .models.kinematics import bond_average_strain, local_strain, log_stretch, shape_tensor_K, shape_tensor_L
+from .models.laws import EnergyLaw, Law, LinearElastic, NeoHookean
+from .studies import closed_forms
+from .tangent.jacobian import jacobian, jvp
 
 
 def __getattr__(name: str):

@@ -13,12 +13,12 @@ import warnings
 
 import numpy as np
 
-from ._run import add_run, run
-from ._run_atlas import add_atlas, run_atlas
-from ._run_bench import add_bench, run_bench
-from ._run_motions import Job
-from ._run_paper import add_paper, run_paper
-from .compilation_cache import use_compilation_cache
+from ._internal.compilation_cache import use_compilation_cache
+from .cli.atlas import add_atlas, run_atlas
+from .cli.bench import add_bench, run_bench
+from .cli.motions import Job
+from .cli.paper import add_paper, run_paper
+from .cli.run import add_run, run
 
 _EPILOG = """examples
   pdjax map                                     the default map: 2D, N = 3, orders m in [-2, 2], |a| up to 30 %
@@ -194,8 +194,8 @@ def _plain(value):
 
 def _map(arguments) -> Job:
     import pdjax as pd
-    from pdjax._checks import writable
-    from pdjax._run_motions import write_picture
+    from pdjax._internal.checks import writable
+    from pdjax.cli.motions import write_picture
 
     law, path, influence = _setting(arguments)
     picture, data = (writable(f"{arguments.out}.{ending}") for ending in ("png", "npz"))
@@ -259,8 +259,8 @@ def _symbol(arguments) -> Job:
     import jax.numpy as jnp
 
     import pdjax as pd
-    from pdjax._checks import writable
-    from pdjax._run_motions import write_picture
+    from pdjax._internal.checks import writable
+    from pdjax.cli.motions import write_picture
 
     law, path, influence = _setting(arguments)
     picture = writable(arguments.out) if arguments.out else None

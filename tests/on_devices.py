@@ -11,9 +11,9 @@ import sys
 import jax
 import jax.numpy as jnp
 import numpy as np
+from pdjax.force.fields.fields import whole_force
 
 import pdjax as pd
-from pdjax.force import whole_force
 
 COLLECTIVES = ("collective-permute", "all-gather", "all-reduce", "all-to-all")
 

@@ -8,7 +8,7 @@ import pytest
 
 import pdjax as pd
 from pdjax.__main__ import main
-from pdjax.atlas import dispersion_error
+from pdjax.infinite_lattice.atlas import dispersion_error
 
 LAW = pd.LinearElastic(1.0, 1.0)
 SOME = ["bond-based", "Silling", "Seth–Hill 1", "Seth–Hill 1 + penalty", "LPS"]
@@ -60,7 +60,7 @@ def test_dispersion_error_of_silling_in_closed_form():
 
 def test_a_second_run_goes_on_with_the_file(small, monkeypatch):
     found, path = small
-    monkeypatch.setattr("pdjax.atlas._record", lambda *_: pytest.fail("computed again"))
+    monkeypatch.setattr("pdjax.infinite_lattice.atlas._record", lambda *_: pytest.fail("computed again"))
     again = pd.model_atlas(SOME, dims=(1,), N=(3,), save=path, show_progress=False)
     assert again.records == found.records == pd.Atlas.load(path).records
 

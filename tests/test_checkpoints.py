@@ -13,7 +13,7 @@ import pytest
 from test_dynamics import driven_bar
 
 import pdjax as pd
-from pdjax.dynamics import checkpoint, run
+from pdjax.finite_body.dynamics import checkpoint, run
 
 RUN = {"dt": 0.1, "save_every": 4, "show_progress": False}
 

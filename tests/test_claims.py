@@ -5,7 +5,7 @@ import pytest
 import reference as ref
 
 import pdjax as pd
-from pdjax import closed_forms
+from pdjax.studies import closed_forms
 
 
 @pytest.fixture(scope="module")

@@ -84,11 +84,11 @@ def test_wrong_words_get_the_usage(arguments, capsys):
 
 def test_a_failed_map_keeps_the_old_file(tmp_path, capsys, monkeypatch):
     """An interrupt in the middle: exit 130, and the file of the last run is as it was."""
-    import pdjax.maps
+    import pdjax.infinite_lattice.maps
 
     old = tmp_path / "small.npz"
     old.write_bytes(b"old")
-    monkeypatch.setattr(pdjax.maps, "_few_states", lambda *_: (_ for _ in ()).throw(KeyboardInterrupt))
+    monkeypatch.setattr(pdjax.infinite_lattice.maps, "_few_states", lambda *_: (_ for _ in ()).throw(KeyboardInterrupt))
     assert main([*SMALL, "--out", str(tmp_path / "small")]) == 130
     assert "interrupted" in capsys.readouterr().err
     assert old.read_bytes() == b"old"

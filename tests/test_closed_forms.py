@@ -15,7 +15,7 @@ from scipy.integrate import dblquad
 from scipy.optimize import brentq
 from scipy.special import sici
 
-from pdjax import closed_forms as cf
+from pdjax.studies import closed_forms as cf
 
 jax.config.update("jax_enable_x64", True)
 

@@ -5,10 +5,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from pdjax.tangent.jacobian.coloring import coloured_jacobian, colouring, jacobian_pattern
 from table import MODELS
 
 import pdjax as pd
-from pdjax.coloring import coloured_jacobian, colouring, jacobian_pattern
 
 
 @pytest.mark.parametrize("name", ["bond_associated force", "correspondence svk", "bond_level average"])

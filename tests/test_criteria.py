@@ -16,7 +16,7 @@ from table import LINEAR, MODELS, EnergyOnly
 from test_bloch import LAM, MU, Peer, climb, correspondence_state, difference, gradient, random, seth_hill_state
 
 import pdjax as pd
-from pdjax import closed_forms
+from pdjax.studies import closed_forms
 
 try:
     from jax import enable_x64

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import pdjax as pd
-from pdjax import closed_forms
-from pdjax.zone import half_reciprocal_points
+from pdjax.infinite_lattice.brillouin import half_reciprocal_points
+from pdjax.studies import closed_forms
 
 STIFF = pd.LinearElastic(lam=3.0, mu=1.0)
 

@@ -10,7 +10,7 @@ import pytest
 from bodies import worst
 
 import pdjax as pd
-from pdjax.dynamics import verlet
+from pdjax.finite_body.dynamics import verlet
 
 BAR = pd.LinearElastic(lam=1.0, mu=0.0)
 LAW = pd.LinearElastic(lam=1.0, mu=1.0)

@@ -10,7 +10,7 @@ import pytest
 from PIL import Image
 
 import pdjax as pd
-from pdjax.export import write_vtk
+from pdjax.files.vtk import write_vtk
 
 
 @pytest.fixture(scope="module")

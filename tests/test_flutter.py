@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import pdjax as pd
-from pdjax.criteria.flutter import growth_square
+from pdjax.infinite_lattice.criteria.flutter import growth_square
 
 LAW = pd.LinearElastic(1.0, 1.0)
 

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from table import MODELS
 
 import pdjax as pd
-from pdjax.influence import INFLUENCES
+from pdjax.geometry.influence import INFLUENCES
 
 # values at q = r/δ = ¼, ½, ¾, 1, by hand
 KNOWN = {

@@ -12,7 +12,7 @@ from bodies import worst
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pdjax import kinematics as kin
+from pdjax.models import kinematics as kin
 
 SEEDS = st.integers(0, 2**32 - 1)
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from table import LINEAR, MODELS, quartic
 
 import pdjax as pd
-from pdjax.laws import law_stress
+from pdjax.models.laws import law_stress
 
 LAM, MU, B = 1.3, 0.7, 2.0
 TENSORS = st.integers(0, 2**32 - 1)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import pdjax as pd
-from pdjax import maps
+from pdjax.infinite_lattice import maps
 
 M, A = np.array([-0.9, 0.1, 1.4]), np.array([-0.05, 0.0, 0.02, 0.08])
 

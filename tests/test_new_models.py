@@ -14,10 +14,10 @@ import pytest
 import reference as ref
 import reference_models as peers
 from bodies import worst
+from pdjax.force.fields.fields import check_model, each_point
 from table import LINEAR, MODELS, NEO_HOOKEAN
 
 import pdjax as pd
-from pdjax.force import check_model, each_point
 from pdjax.models.base import Sums
 from pdjax.models.control import SillingControl, WanControl
 from pdjax.models.with_law import tangent_at_rest

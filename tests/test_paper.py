@@ -14,10 +14,10 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from pdjax import paper
 from pdjax.__main__ import _parser, main
-from pdjax.paper import a_cr, cuboid, m_cr, making, maps, results, singular_bar, step_bar
-from pdjax.paper._common import Claim, Sheet, judge
+from pdjax.studies import paper
+from pdjax.studies.paper import a_cr, cuboid, m_cr, making, maps, results, singular_bar, step_bar
+from pdjax.studies.paper._common import Claim, Sheet, judge
 
 ROOT = Path(__file__).parent.parent
 SAVED = ROOT / "benchmarks" / "results"

@@ -9,7 +9,7 @@ from bodies import worst
 from table import MODELS
 
 import pdjax as pd
-from pdjax.paths import path_symmetry
+from pdjax.infinite_lattice.paths import path_symmetry
 
 LAM, MU = 1.3, 0.7
 FAM = pd.lattice_family(2, 2, 0.5)

@@ -10,7 +10,8 @@ import pytest
 import table
 
 import pdjax as pd
-from pdjax import evaluate, shape_tensors
+from pdjax.force.fields import operator as evaluate
+from pdjax.force.fields import shape_tensors
 
 COMPILED = []
 jax.monitoring.register_event_duration_secs_listener(
@@ -50,7 +51,7 @@ def silling(mu=0.7):
 
 @pytest.mark.parametrize("way", ["families", "slices", "fft"])
 def test_a_second_call_with_a_model_made_anew_checks_prepares_and_compiles_nothing(way, counted, monkeypatch):
-    monkeypatch.setattr("pdjax.evaluate.SMALL", 0)
+    monkeypatch.setattr("pdjax.force.fields.operator.SMALL", 0)
     fams = pd.families(BODY, 1.01)
     first = pd.force_density(silling(), fams, U, way=way)
     assert counted == ["_refuse", "_plan"]
@@ -77,7 +78,7 @@ def test_the_shape_tensors_of_the_bonds_are_shared_by_models_and_constants(count
 
 def test_reference_sums_are_prepared_for_the_constants_that_they_read(monkeypatch):
     """Other constants may differ, and be traced: a gradient in them computes no reference sums."""
-    monkeypatch.setattr("pdjax.evaluate.SMALL", 0)
+    monkeypatch.setattr("pdjax.force.fields.operator.SMALL", 0)
     seen, real = [], evaluate._reference
     monkeypatch.setattr(evaluate, "_reference", lambda *args: seen.append(1) or real(*args))
     fams = pd.families(BODY, 1.01)

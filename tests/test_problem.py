@@ -10,7 +10,7 @@ from bodies import worst
 from table import KINDS, LINEAR, MODELS
 
 import pdjax as pd
-from pdjax import reduced
+from pdjax.finite_body import factorisation as reduced
 
 SVK = pd.SethHill(1.0, LINEAR)
 HENCKY = pd.SethHill(0.0, LINEAR)

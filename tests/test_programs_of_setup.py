@@ -12,13 +12,13 @@ import jax.monitoring
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from pdjax.force.fields.fields import check_model
 
 import pdjax as pd
-from pdjax._checks import as_array, as_real, check_positive, deformation_gradient, require
-from pdjax.cells import cell_families
-from pdjax.dynamics.system import check_schedule
-from pdjax.force import check_model
-from pdjax.neighbours import Bonds
+from pdjax._internal.checks import as_array, as_real, check_positive, deformation_gradient, require
+from pdjax.finite_body.dynamics.system import check_schedule
+from pdjax.geometry.bonds import Bonds
+from pdjax.infinite_lattice.cells import cell_families
 
 COMPILED = [0]
 

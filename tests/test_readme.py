@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from pdjax.__main__ import _parser, main
-from pdjax.paper import results
+from pdjax.studies.paper import results
 
 ROOT = Path(__file__).parent.parent
 TEXT = (ROOT / "README.md").read_text()

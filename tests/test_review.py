@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import pdjax as pd
-from pdjax.kinematics import seth_hill
+from pdjax.models.kinematics import seth_hill
 
 
 def orthotropic(E, c):

@@ -183,7 +183,7 @@ def test_diffrax_compiles_nothing_for_new_values():
 
 def test_a_root_finder_of_ones_own_is_kept(monkeypatch):
     seen = []
-    from pdjax.dynamics import terms
+    from pdjax.finite_body.dynamics import terms
 
     original = terms._run
     monkeypatch.setattr(terms, "_run", lambda *a: seen.append(a[2].root_finder) or original(*a))

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 import reference as ref
 from bodies import worst
+from pdjax.tangent.jacobian.linearise import family_tangent
 from table import KINDS, MODELS
 
 import pdjax as pd
-from pdjax.linearise import family_tangent
 
 LAM, MU = 1.3, 0.7
 

@@ -17,7 +17,7 @@ from bodies import worst
 from table import LINEAR, MODELS, EnergyOnly
 
 import pdjax as pd
-from pdjax.laws import law_stress
+from pdjax.models.laws import law_stress
 
 SETH_HILL, NEO_HOOKEAN = MODELS["seth_hill m=-0.7"], MODELS["correspondence neo-hookean"]
 BODY, FAM = bodies.families(2, "cloud"), pd.lattice_family(2, 2, 0.5, pd.gaussian_influence)

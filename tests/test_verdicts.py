@@ -8,9 +8,9 @@ import math
 import pytest
 from test_paper import SAVED
 
-from pdjax import paper
-from pdjax.paper import results
-from pdjax.paper._common import OPEN, judge
+from pdjax.studies import paper
+from pdjax.studies.paper import results
+from pdjax.studies.paper._common import OPEN, judge
 
 KEPT = results.read(SAVED, quick=False)
 CLAIMS = {claim.key: claim for claim in paper.CLAIMS}

@@ -9,10 +9,10 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 import table
+from pdjax.force.fields.fields import whole_force
+from pdjax.force.fields.operator import ways_of
 
 import pdjax as pd
-from pdjax.evaluate import ways_of
-from pdjax.force import whole_force
 
 LATTICES = {
     1: (pd.lattice((9,), 0.5), 1.01),
@@ -27,11 +27,11 @@ CHECKED = [(n, d) for n in BY_MOMENTS for d in table.MODELS[n].dims if d < 3 or 
 @pytest.fixture(autouse=True)
 def no_body_is_small(monkeypatch):
     """Else these bodies would go all bonds at once, as the reference does."""
-    monkeypatch.setattr("pdjax.evaluate.SMALL", 0)
+    monkeypatch.setattr("pdjax.force.fields.operator.SMALL", 0)
 
 
 def test_small_bodies_go_all_at_once(monkeypatch):
-    monkeypatch.setattr("pdjax.evaluate.SMALL", 10_000)
+    monkeypatch.setattr("pdjax.force.fields.operator.SMALL", 10_000)
     fams = pd.families(pd.lattice((7, 5), 0.5), 1.01)
     operator = pd.force_operator(table.MODELS["lps"], fams)
     assert (operator.way, operator.plan) == ("families", None)

@@ -16,10 +16,11 @@ from hypothesis import strategies as st
 from test_bloch import Peer, difference, random, seth_hill_state
 
 import pdjax as pd
-from pdjax import cosine_series, zone
-from pdjax.bloch import homogeneous_tangent, wave_phases
-from pdjax.climb import _gradient_and_hessian, climb
-from pdjax.cosine_series import Forms
+from pdjax.infinite_lattice import brillouin as zone
+from pdjax.infinite_lattice import cosine_series
+from pdjax.infinite_lattice.bloch import homogeneous_tangent, wave_phases
+from pdjax.infinite_lattice.climb import _gradient_and_hessian, climb
+from pdjax.infinite_lattice.cosine_series import Forms
 
 # ---------------------------------------------------------------- the grid
 
@@ -121,7 +122,7 @@ def test_folding_keeps_every_eigenvalue(dim, N, stretches, symmetry):
 
 
 def test_kept_symmetry_is_read_off_a_concrete_deformation():
-    from pdjax.criteria import kept_symmetry
+    from pdjax.infinite_lattice.criteria import kept_symmetry
 
     fam = pd.lattice_family(3, 1.5)
     cases = {

@@ -10,9 +10,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from .._doors import taught
-from ..dynamics.system import Motion
-from ..problem import Scene
+from .._internal.doors import taught
+from ..finite_body.dynamics.system import Motion
+from ..finite_body.scene import Scene
 
 MEASURED = Path(__file__).parent / "measured"
 SCENES = {

@@ -16,15 +16,15 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ..bloch import homogeneous_tangent, modulus_at_rest, wave_phases
-from ..criteria.body_critical import body_critical_load
-from ..criteria.critical import critical_load
-from ..laws import LinearElastic
+from ..finite_body.critical_load import body_critical_load
+from ..geometry.bonds import lattice_family
+from ..infinite_lattice.bloch import homogeneous_tangent, modulus_at_rest, wave_phases
+from ..infinite_lattice.brillouin import brillouin_zone, largest_eigenvalue
+from ..infinite_lattice.criteria.critical_load import critical_load
+from ..infinite_lattice.paths import uniaxial_strain
 from ..models import SethHill
-from ..neighbours import lattice_family
-from ..paths import uniaxial_strain
+from ..models.laws import LinearElastic
 from ..scenes import clamped_plate
-from ..zone import brillouin_zone, largest_eigenvalue
 from .chart import error_against_time
 from .harness import Case, Task, hosted
 

@@ -18,7 +18,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from .._checks import written_whole
+from .._internal.checks import written_whole
 from .harness import Case, Task, flat, kernel, read
 
 ROOFS = "roofs"

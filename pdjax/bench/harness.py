@@ -27,7 +27,7 @@ from typing import Any, NamedTuple
 import jax
 import numpy as np
 
-from .._checks import written_whole
+from .._internal.checks import written_whole
 
 try:
     from jax import enable_x64

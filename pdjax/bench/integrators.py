@@ -13,9 +13,9 @@ from typing import Any
 import diffrax
 import numpy as np
 
-from ..dynamics import Motion, critical_time_step, motion, simulate, simulate_diffrax
-from ..laws import LinearElastic
+from ..finite_body.dynamics import Motion, critical_time_step, motion, simulate, simulate_diffrax
 from ..models import SethHill
+from ..models.laws import LinearElastic
 from ..scenes import wave
 from .chart import error_against_time
 from .harness import Case, Task, enable_x64, kernel

@@ -20,15 +20,15 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ..coloring import coloured_jacobian
-from ..evaluate import force_density
-from ..family_search import families
-from ..force import whole_force
-from ..kinematics import gradient_of_moments, solve_positive
-from ..laws import LinearElastic
+from ..force.fields import whole_force
+from ..force.operator import force_density
+from ..geometry.neighbour_search import families
+from ..geometry.points import lattice
 from ..models import Correspondence
-from ..points import lattice
-from ..tangent import jacobian
+from ..models.kinematics import gradient_of_moments, solve_positive
+from ..models.laws import LinearElastic
+from ..tangent.coloring import coloured_jacobian
+from ..tangent.jacobian import jacobian
 from .chart import error_against_time
 from .harness import Case, Task, hosted, kernel
 

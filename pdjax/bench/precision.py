@@ -13,8 +13,8 @@ from functools import cache, partial
 
 import numpy as np
 
-from ..laws import LinearElastic
-from ..maps import StabilityMap, stability_map
+from ..infinite_lattice.maps import StabilityMap, stability_map
+from ..models.laws import LinearElastic
 from . import integrators, statics
 from .chart import error_against_time
 from .harness import Case, Task, enable_x64, hosted

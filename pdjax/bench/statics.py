@@ -10,8 +10,8 @@ from functools import partial
 
 import numpy as np
 
+from ..finite_body.statics import solve
 from ..scenes import singular_bar
-from ..statics import solve
 from .chart import error_against_time
 from .harness import Case, Task, hosted
 

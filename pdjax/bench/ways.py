@@ -17,13 +17,13 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ..evaluate import ForceOperator, force_density, force_operator, ways_of
-from ..family_search import families
-from ..laws import LinearElastic
+from ..force.backends.fft import Convolution
+from ..force.operator import ForceOperator, force_density, force_operator, ways_of
+from ..geometry.bonds import Families
+from ..geometry.neighbour_search import families
+from ..geometry.points import lattice
 from ..models import LPS, BondBased, Correspondence, SethHill
-from ..neighbours import Families
-from ..points import lattice
-from ..ways.convolution import Convolution
+from ..models.laws import LinearElastic
 from .harness import Case, Task, hosted, kernel
 
 LAW = LinearElastic(lam=1.0, mu=1.0)  # type: ignore[call-arg, arg-type]

@@ -1,8 +1,8 @@
 """Figures: arrays in, a matplotlib Figure out. Imported when first used, by nothing else in the package."""
 
 from .atlas import model_atlas
-from .moving import Branch, animation, cuboid, dispersion_curves, motion
-from .still import COLOURS, LABELS, SERIES, STYLES, BarCase, bars, dispersion, stability_map
+from .charts import COLOURS, LABELS, SERIES, STYLES, BarCase, bars, dispersion, stability_map
+from .motions import Branch, animation, cuboid, dispersion_curves, motion
 from .tables import table
 
 __all__ = [

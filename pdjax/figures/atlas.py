@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
-from ..atlas import LAW, SIDES, Atlas
+from ..infinite_lattice.atlas import LAW, SIDES, Atlas
 
 _SHORT = {"hydrostatic": "hydro-\nstatic", "uniaxial-strain": "uniaxial\nstrain", "uniaxial-stress": "uniaxial\nstress"}
 _ARROW = {"compression": "−", "tension": "+"}

@@ -9,7 +9,7 @@ and `bond_force(A_here, A_there, bond) -> t`; only A travels between points. Suc
 derivative, ∂T_b/∂Y_c = δ_bc B_b + G_b R_c, with B = ∂t/∂η, G = ∂t/∂A, R = ∂A/∂η: a block for each bond plus a
 product of rank dim A. Most give A by what each bond adds to the sums, `moments(bond) -> (reference, deformed)`, and
 what the sums make, `state(sums) -> A`: then bodies are evaluated without an array over points and bonds
-(`pdjax.ways`).
+(`pdjax.force.backends`).
 
 **By the states of both ends** (`TwoStageModel`): `point_state(bonds) -> A`, linear in η, and `bond_energy(A_here,
 A_there, bond) -> φ`, W_i = Σ_j φ(A_i, A_j, bond). The second stage, also a sum over the family, is the force on A,
@@ -34,9 +34,9 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .._checks import floats_to_arrays, inside_jit, is_concrete
-from ..kinematics import displacement_gradient
-from ..neighbours import EACH_BOND, Bonds
+from .._internal.checks import floats_to_arrays, inside_jit, is_concrete
+from ..geometry.bonds import EACH_BOND, Bonds
+from .kinematics import displacement_gradient
 
 PROMISES = (
     "hyperelastic",

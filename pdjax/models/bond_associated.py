@@ -21,10 +21,10 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from .._checks import as_real, check_positive
-from ..kinematics import solve_positive
-from ..neighbours import TIE, Bonds
+from .._internal.checks import as_real, check_positive
+from ..geometry.bonds import TIE, Bonds
 from .bond_level import GradientModel
+from .kinematics import solve_positive
 from .with_law import energy_of_gradient, stress_of_gradient
 
 

@@ -21,11 +21,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .._checks import as_real, check_positive, namespace, on_host, require
-from ..kinematics import log_stretch, seth_hill, stretch_minus_one
-from ..neighbours import Bonds, Families, Family
+from .._internal.checks import as_real, check_positive, namespace, on_host, require
+from ..geometry.bonds import Bonds, Families, Family
 from .base import PointStateModel, Sums
 from .control import micromodulus
+from .kinematics import log_stretch, seth_hill, stretch_minus_one
 from .plane import bulk_and_shear, plane_bulk_modulus
 
 FREE_SHEAR = {"strain": 0.6, "stress": 0.375}  # G/K at the one Poisson's ratio, ¼ and ⅓

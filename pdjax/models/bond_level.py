@@ -16,10 +16,10 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..kinematics import displacement_gradient, shape_tensor_K, solve_positive
-from ..laws import Law
-from ..neighbours import EACH_BOND, Bonds
+from ..geometry.bonds import EACH_BOND, Bonds
 from .base import AbstractModel, PointStateModel, TwoStageModel
+from .kinematics import displacement_gradient, shape_tensor_K, solve_positive
+from .laws import Law
 from .with_law import check_law, energy_of_gradient, stress_of_gradient
 
 

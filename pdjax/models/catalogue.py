@@ -8,15 +8,15 @@ is the law's only for λ = μ).
 
 from collections.abc import Callable
 
-from .._checks import on_device, on_host
-from ..laws import LinearElastic
-from ..neighbours import Family
+from .._internal.checks import on_device, on_host
+from ..geometry.bonds import Family
 from .base import AbstractModel
 from .bond_associated import BondAssociated, BondAssociatedForce
 from .bond_based import BondBased
 from .bond_level import BondLevel, BondLevelAverage
 from .control import LittlewoodControl, SillingControl, WanControl
 from .correspondence import Correspondence
+from .laws import LinearElastic
 from .lps import LPS
 from .reproducing_kernel import ReproducingKernel
 from .seth_hill import SethHill, TupekRadovitzky

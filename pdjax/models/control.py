@@ -23,10 +23,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .._checks import as_real, namespace, on_host, require
-from ..kinematics import displacement_gradient, gradient_of_moments, shape_tensor_K, solve_positive
-from ..neighbours import Bonds
+from .._internal.checks import as_real, namespace, on_host, require
+from ..geometry.bonds import Bonds
 from .base import Sums
+from .kinematics import displacement_gradient, gradient_of_moments, shape_tensor_K, solve_positive
 
 Tangent = Callable[[Any], Float[Array, "dim dim"]]
 

@@ -12,17 +12,11 @@ from typing import ClassVar
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..kinematics import (
-    displacement_gradient,
-    gradient_moments,
-    gradient_of_moments,
-    shape_tensor_K,
-    solve_positive,
-)
-from ..laws import Law, law_stress
-from ..neighbours import Bonds
+from ..geometry.bonds import Bonds
 from .base import Sums
 from .control import Control
+from .kinematics import displacement_gradient, gradient_moments, gradient_of_moments, shape_tensor_K, solve_positive
+from .laws import Law, law_stress
 from .with_law import WithLaw, check_law, energy_of_gradient, stress_of_gradient
 
 

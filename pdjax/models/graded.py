@@ -13,9 +13,9 @@ import equinox as eqx
 import numpy as np
 from jaxtyping import Array, Float
 
-from .._checks import as_real, is_concrete
-from .._doors import taught
-from ..neighbours import Bonds
+from .._internal.checks import as_real, is_concrete
+from .._internal.doors import taught
+from ..geometry.bonds import Bonds
 from .base import PROMISES, AbstractModel, PointStateModel, Sums, TwoStageModel
 
 

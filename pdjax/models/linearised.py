@@ -13,9 +13,9 @@ from typing import Any, ClassVar
 import jax
 from jaxtyping import Array, Float
 
-from .._checks import as_real, deformation_gradient, is_concrete
-from .._doors import taught
-from ..neighbours import Bonds
+from .._internal.checks import as_real, deformation_gradient, is_concrete
+from .._internal.doors import taught
+from ..geometry.bonds import Bonds
 from .base import PointStateModel, Sums
 
 

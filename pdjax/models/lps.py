@@ -20,10 +20,10 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .._checks import as_real, check_positive
-from ..kinematics import stretch_minus_one
-from ..neighbours import Bonds
+from .._internal.checks import as_real, check_positive
+from ..geometry.bonds import Bonds
 from .base import PointStateModel, Sums
+from .kinematics import stretch_minus_one
 from .plane import bulk_and_shear, plane_bulk_modulus
 
 

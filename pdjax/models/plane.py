@@ -8,8 +8,8 @@ The shear modulus G is the same in both. Lamé's first constant of the plane is 
 
 from jaxtyping import Array
 
-from .._checks import as_real, check_positive, choice, on_device, on_host, require
-from .._doors import taught
+from .._internal.checks import as_real, check_positive, choice, on_device, on_host, require
+from .._internal.doors import taught
 
 
 @taught

@@ -17,7 +17,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool
 
-from ..neighbours import Bonds
+from ..geometry.bonds import Bonds
 from .base import AbstractModel
 
 

@@ -16,9 +16,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..kinematics import solve_positive
-from ..neighbours import Bonds
+from ..geometry.bonds import Bonds
 from .bond_level import TwoSidedModel
+from .kinematics import solve_positive
 
 
 class ReproducingKernel(TwoSidedModel):

@@ -19,8 +19,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .._checks import as_real, is_concrete
-from ..kinematics import (
+from .._internal.checks import as_real, is_concrete
+from ..geometry.bonds import Bonds
+from .base import Sums
+from .control import Control
+from .kinematics import (
     bond_strain_moment,
     direction_mandel,
     from_mandel,
@@ -32,10 +35,7 @@ from ..kinematics import (
     solve_positive,
     to_mandel,
 )
-from ..laws import Law, law_stress
-from ..neighbours import Bonds
-from .base import Sums
-from .control import Control
+from .laws import Law, law_stress
 from .with_law import WithLaw
 
 

@@ -19,10 +19,10 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..kinematics import solve_positive
-from ..neighbours import EACH_BOND, Bonds
+from ..geometry.bonds import EACH_BOND, Bonds
 from .base import PointStateModel, Sums
 from .bond_level import GradientModel
+from .kinematics import solve_positive
 from .with_law import energy_of_gradient, stress_of_gradient
 
 TIE = 1e-9  # of the bond's length: components nearer to 0 lie on a border

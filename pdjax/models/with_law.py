@@ -10,11 +10,11 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..kinematics import gradient_moments
-from ..laws import Law, law_stress
-from ..neighbours import Bonds
+from ..geometry.bonds import Bonds
 from .base import PointStateModel, Sums
 from .control import Tangent
+from .kinematics import gradient_moments
+from .laws import Law, law_stress
 
 
 def check_law(name: str, law: Any) -> None:

@@ -13,15 +13,15 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .. import conditions
-from .._checks import as_array, as_real, deformation_gradient, is_concrete, on_host
-from ..closed_forms.local_bar import singular_bar_local
-from ..family_search import families
-from ..laws import LinearElastic
+from .._internal.checks import as_array, as_real, deformation_gradient, is_concrete, on_host
+from ..finite_body import conditions
+from ..finite_body.scene import Scene, scene
+from ..geometry.neighbour_search import families
+from ..geometry.points import Points, lattice
 from ..models import SethHill, graded
 from ..models.base import AbstractModel
-from ..points import Points, lattice
-from ..problem import Scene, scene
+from ..models.laws import LinearElastic
+from ..studies.closed_forms.local_bar import singular_bar_local
 
 
 def _unit_model(model: AbstractModel | None) -> AbstractModel:

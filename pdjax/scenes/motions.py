@@ -8,17 +8,17 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .. import conditions
-from .._checks import as_real, deformation_gradient, is_concrete, on_host
-from ..dynamics.system import Motion, Ramp, motion
-from ..family_search import families
-from ..lattice_states import p_wave_modulus
+from .._internal.checks import as_real, deformation_gradient, is_concrete, on_host
+from ..finite_body import conditions
+from ..finite_body.dynamics.system import Motion, Ramp, motion
+from ..finite_body.scene import scene
+from ..geometry.bonds import Family, lattice_family
+from ..geometry.neighbour_search import families
+from ..geometry.points import lattice
+from ..infinite_lattice.dispersion import dispersion
+from ..infinite_lattice.lattice_states import p_wave_modulus
+from ..infinite_lattice.paths import uniaxial_stress
 from ..models.base import AbstractModel
-from ..neighbours import Family, lattice_family
-from ..paths import uniaxial_stress
-from ..points import lattice
-from ..problem import scene
-from ..waves import dispersion
 from .bodies import _count, _ratio, _unit_model
 
 

@@ -1,0 +1,49 @@
+"""On which constants of a model a result depends: found by tracing the function that gives it, once.
+
+Reference sums, transforms of kernels and shape tensors are prepared once and remembered (`pdjax._internal.memory`). Most of
+them depend on the families alone, or on a few constants of the model. What is prepared for one model then serves all
+models that differ in other constants only, and constants that are traced, as in a gradient, do no harm.
+"""
+
+from collections.abc import Callable, Hashable
+from typing import Any
+
+import equinox as eqx
+import jax
+import numpy as np
+from jax.extend import core
+
+from .memory import remember, value_key
+
+
+def _read(function: Callable, shapes: list, structure: Any, rest: Any) -> tuple[bool, ...]:
+    """Which of the leaves the result of `function` depends on."""
+
+    def of(leaves: list) -> Any:
+        return function(eqx.combine(jax.tree.unflatten(structure, leaves), rest))
+
+    made = jax.make_jaxpr(of)(shapes).jaxpr
+    live = {v for v in made.outvars if not isinstance(v, core.Literal)}
+    for eqn in reversed(made.eqns):
+        if any(v in live for v in eqn.outvars):
+            live.update(v for v in eqn.invars if not isinstance(v, core.Literal))
+    return tuple(v in live for v in made.invars)
+
+
+def known_part(owner: Any, name: Hashable, function: Callable, model: Any) -> tuple[Hashable, Any] | None:
+    """What `function(model)` depends on: a key for `remember`, and the model with its values known.
+
+    Constants that are traced and that the function does not read are 0 in the model returned.
+    Arguments: owner an equinox module that keeps what is found; name of the function, which is traced once for each
+        structure of the model. Returns: None if the function reads a constant that is traced.
+    """
+    arrays, rest = eqx.partition(model, eqx.is_array)
+    leaves, structure = jax.tree.flatten(arrays)
+    shapes = [jax.ShapeDtypeStruct(x.shape, x.dtype) for x in leaves]
+    what = (name, structure, value_key(rest), tuple((s.shape, s.dtype) for s in shapes))
+    read = remember(owner, ("read by", *what), lambda: _read(function, shapes, structure, rest))
+    key = value_key([x for x, r in zip(leaves, read, strict=True) if r])
+    if key is None:
+        return None
+    known = [np.zeros(x.shape, x.dtype) if isinstance(x, jax.core.Tracer) else x for x in leaves]
+    return (what, key), eqx.combine(jax.tree.unflatten(structure, known), rest)

@@ -1,0 +1,185 @@
+"""Velocity Verlet: one step, many steps as a `lax.scan`, and the energies along the way.
+
+    v½ = (1 − c Δt/2) v + (Δt/2) a,   u' = u + Δt v½,   v' = (v½ + (Δt/2) a')/(1 + c Δt/2)
+
+Second order, symplectic and time-reversible for c = 0; stable for Δt < 2/ω_max. Held components follow the schedule.
+The works are trapezoidal sums, of the order of the integrator:
+
+    W_supports += ½ (R + R')·(u' − u)  over held components, R = −V (f + λ b) the force that a support exerts
+    W_loads    += ½ (λ + λ') V b·(u' − u)  over free ones,        D += c ρ V ½ (v + v')·(u' − u)
+
+and K + Π − W_supports − W_loads + D is constant but for the integration's error. Time is step × Δt, never a running
+sum. A state that stops being finite is not taken: the last finite one stays, and its step number tells when.
+
+Memory: the state. Backward in time, two levels of checkpoints: about 2 √steps states and one force evaluation.
+Source: Swope et al. 1982; Hairer, Lubich & Wanner 2003.
+"""
+
+import math
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float, Int
+
+from ..._internal.checks import namespace, on_device, on_host
+from ...force.fields import strain_energy
+from .system import Hold, Motion
+
+
+class State(NamedTuple):
+    """Where a motion is: step number, u and v (points, dim), V (f + λ b) (points, dim), works [energy], alive."""
+
+    step: Int[Array, ""]
+    u: Float[Array, "points dim"]
+    v: Float[Array, "points dim"]
+    force: Float[Array, "points dim"]
+    supports: Float[Array, ""]
+    loads: Float[Array, ""]
+    dissipated: Float[Array, ""]
+    finite: Bool[Array, ""]
+
+
+class Energies(NamedTuple):
+    """The budget at one time or at many [energy]: kinetic K, strain Π (NaN for a model without an energy), works."""
+
+    kinetic: Any
+    strain: Any
+    supports: Any
+    loads: Any
+    dissipated: Any
+
+    @property
+    def total(self):
+        """K + Π − W_supports − W_loads + D."""
+        return self.kinetic + self.strain - self.supports - self.loads + self.dissipated
+
+    @property
+    def imbalance(self):
+        """K + Π − W_supports − W_loads + D − (its first value): zero but for the error of the integration."""
+        total = Energies(*on_host(tuple(self))).total
+        return on_device(total - total[..., :1])
+
+    @property
+    def error(self):
+        """The imbalance over the largest energy that takes part at any save [-]."""
+        xp = namespace(self)
+        parts, imbalance = on_host((tuple(self), self.imbalance))
+        largest = xp.max(xp.abs(xp.stack(parts)), axis=0).max(axis=-1, keepdims=True)
+        return on_device(imbalance / xp.where(largest > 0, largest, 1.0))
+
+
+def initial_state(motion: Motion) -> State:
+    """The state at t = 0."""
+    zero = jnp.zeros((), motion.start.dtype)
+    force = motion.force(motion.start, motion.factor(zero)[0])
+    finite = jnp.isfinite(force).all()
+    return State(jnp.zeros((), jnp.int32), motion.start, motion.velocity, force, zero, zero, zero, finite)
+
+
+def before_start(motion: Motion) -> State:
+    """The state from which `march` reaches t = 0 by one step of no length, which only computes the forces there.
+
+    So the program that marches makes the first state too, and no other program holds the model's force.
+    """
+    dtype = motion.start.dtype
+    zero, force = np.zeros((), dtype), np.zeros(motion.start.shape, dtype)
+    return State(np.int32(-1), motion.start, motion.velocity, force, zero, zero, zero, np.asarray(True))  # type: ignore[arg-type]
+
+
+def _work_of_mean(motion: Motion, u: Array, factor: Array, change: Array) -> Array:
+    """Work done on a periodic body by a change of its mean deformation."""
+    scene = motion.scene
+    if scene.mean is None or isinstance(motion.schedule, Hold):
+        return jnp.zeros_like(change)
+    if not scene.model.hyperelastic:
+        return jnp.full_like(change, jnp.nan)
+
+    def energy(x):
+        return strain_energy(scene.model, scene.families, u, scene.mean_deformation(x))
+
+    return jax.jvp(energy, (factor,), (change,))[1]
+
+
+def step(motion: Motion, state: State, dt: Float[Array, ""]) -> State:
+    """One step of Δt."""
+    free, mass, c = motion.free, motion.mass, motion.damping * dt / 2
+    before, _ = motion.factor(state.step * dt)
+    after, rate = motion.factor((state.step + 1) * dt)
+    half = (1 - c) * state.v + 0.5 * dt * state.force / mass
+    u = jnp.where(free, state.u + dt * half, after * motion.scene.prescribed)
+    force = motion.force(u, after)
+    v = jnp.where(free, (half + 0.5 * dt * force / mass) / (1 + c), rate * motion.scene.prescribed)
+    moved = u - state.u
+    pushed = -0.5 * jnp.sum(jnp.where(free, 0.0, (state.force + force) * moved))
+    stretched = 0.5 * (
+        _work_of_mean(motion, state.u, before, after - before) + _work_of_mean(motion, u, after, after - before)
+    )
+    volumes = motion.scene.families.volumes[:, None]
+    loaded = 0.5 * (before + after) * jnp.sum(jnp.where(free, volumes * motion.scene.load * moved, 0.0))
+    lost = motion.damping * 0.5 * jnp.sum(jnp.where(free, mass * (state.v + v) * moved, 0.0))
+    finite = state.finite & jnp.isfinite(jnp.sum(force) + jnp.sum(v) + jnp.sum(u))
+    new = State(
+        state.step + 1,
+        u,
+        v,
+        force,
+        state.supports + pushed + stretched,
+        state.loads + loaded,
+        state.dissipated + lost,
+        finite,
+    )
+    return jax.tree.map(lambda old, x: jnp.where(finite, x, old), state._replace(finite=finite), new)
+
+
+def advance(motion: Motion, state: State, dt: Float[Array, ""], steps: int) -> State:
+    """`steps` steps (static); reverse differentiation keeps about 2 √steps states."""
+
+    @jax.checkpoint
+    def one(state, _):
+        return step(motion, state, dt), None
+
+    @jax.checkpoint
+    def block(state, _):
+        return jax.lax.scan(one, state, length=size)[0], None
+
+    motion, size = motion.prepared(), max(1, math.isqrt(steps))
+    state, _ = jax.lax.scan(block, state, length=steps // size)
+    if steps % size:
+        state, _ = jax.lax.scan(one, state, length=steps % size)
+    return state
+
+
+def march(motion: Motion, state: State, dt: Float[Array, ""], steps: Int[Array, ""]) -> State:
+    """`steps` steps (traced) of a prepared motion, without reverse differentiation; from `before_start` the first has
+    no length."""
+
+    def one(_, state):
+        return step(motion, state, jnp.where(state.step < 0, 0, dt))
+
+    state = jax.lax.fori_loop(0, steps, one, state)
+    return state._replace(step=jnp.maximum(state.step, 0))  # still −1 where the forces at the start are not finite
+
+
+def energies(motion: Motion, state: State, dt: Float[Array, ""]) -> Energies:
+    """The budget of one state."""
+    scene = motion.scene
+    kinetic = 0.5 * jnp.sum(jnp.where(motion.free, motion.mass * state.v**2, 0.0))
+    strain = jnp.full_like(kinetic, jnp.nan)
+    if scene.model.hyperelastic:
+        factor, _ = motion.factor(state.step * dt)
+        strain = strain_energy(scene.model, scene.families, state.u, scene.mean_deformation(factor))
+    return Energies(kinetic, strain, state.supports, state.loads, state.dissipated)
+
+
+def borrowed(motion: Motion, state: State, dt: Float[Array, ""]) -> tuple[Array, Array]:
+    """(Δt²/8) Σ F²/m over free components, and (Δt²/2) Σ (λVb)²/m [energy].
+
+    The first is what the energy of a linear motion swings by: K + Π less it is kept exactly by Verlet, whatever the
+    step. The second is what loads can give in one step before they have done any work.
+    """
+    free, mass = motion.free, motion.mass
+    load = motion.factor(state.step * dt)[0] * motion.scene.families.volumes[:, None] * motion.scene.load
+    swing = 0.125 * dt**2 * jnp.sum(jnp.where(free, state.force**2 / mass, 0.0))
+    return swing, 0.5 * dt**2 * jnp.sum(jnp.where(free, load**2 / mass, 0.0))

@@ -1,0 +1,312 @@
+"""A scene: a body, its families and model, what holds it and what loads it; and the checks that it is a problem.
+
+Unknowns are the free components of u; the held ones are eliminated. With S the selection of the free components,
+
+    r(q) = S V (f(u) + λ b),   u = λ û + Sᵀ q,      A = ∂r/∂q = S V J Sᵀ
+
+λ is the load factor: prescribed displacements û, body forces b and the mean deformation of a periodic body grow
+with it. V J is the exact Hessian of −Π, so A is symmetric for a model with an energy; a minimum of the potential
+energy has A negative definite. Rigid motions that nothing holds make A singular: they are looked for in every
+connected piece of the body (pieces that no bond joins) and named.
+"""
+
+from collections.abc import Sequence
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import scipy.sparse as sp
+from jaxtyping import Array, Bool, Float, Int
+
+from .._internal.checks import as_array, deformation_gradient, is_concrete, namespace, on_device, on_host
+from .._internal.doors import taught
+from ..force.fields import check_model
+from ..force.operator import ForceOperator, force_density, force_operator
+from ..geometry.bonds import Families
+from ..geometry.points import Points, check_body
+from ..models.base import AbstractModel
+from .conditions import Condition, HomogeneousTraction, Prescribed, TotalForce, check_points
+
+
+class Scene(eqx.Module):
+    """A boundary value problem of a body. Made by `scene` or by the functions of `pdjax.scenes`.
+
+    body, families, model; unknowns (unknowns,): where the free components stand in the flattened displacement
+    (points·dim,); prescribed (points, dim) [length], 0 where free; load (points, dim) [force/length^dim]; mean
+    (dim, dim) or None: mean deformation of a periodic body; closed_form (points, dim) [length] or None: the
+    displacement it is known to have at load factor 1; operator: its force, prepared (`prepared()`), or None.
+    """
+
+    body: Points
+    families: Families
+    model: AbstractModel
+    unknowns: Int[np.ndarray | Array, " unknowns"]
+    prescribed: Float[Array, "points dim"]
+    load: Float[Array, "points dim"]
+    mean: Float[Array, "dim dim"] | None
+    closed_form: Float[Array, "points dim"] | None
+    name: str = eqx.field(static=True, default="scene")
+    operator: ForceOperator | None = None
+
+    @property
+    def free(self) -> Bool[np.ndarray, "points dim"]:
+        """Which components are unknown."""
+        flags = np.zeros(self.prescribed.size, dtype=bool)
+        flags[np.asarray(self.unknowns)] = True
+        return flags.reshape(self.prescribed.shape)
+
+    def displacement(self, q: Float[Array | np.ndarray, " unknowns"], factor=1.0) -> Float[Array, "points dim"]:
+        """u (points, dim) [length] from the free components q and the load factor."""
+        shape, dtype = self.prescribed.shape, self.prescribed.dtype
+        if is_concrete(self.prescribed, self.unknowns, q, factor):
+            u = np.asarray(factor, dtype) * np.asarray(self.prescribed)
+            u.reshape(-1)[np.asarray(self.unknowns)] = np.asarray(q)
+            return jax.device_put(u)
+        flat = (jnp.asarray(factor, dtype) * self.prescribed).reshape(-1)
+        return flat.at[self.unknowns].set(q).reshape(shape)
+
+    def mean_deformation(self, factor=1.0):
+        """I + λ (F − I), or None."""
+        if self.mean is None:
+            return None
+        xp = namespace(self.mean, factor)
+        mean, factor = on_host((self.mean, factor)) if xp is np else (self.mean, factor)
+        eye = xp.eye(mean.shape[0], dtype=mean.dtype)
+        return on_device(eye + factor * (mean - eye))
+
+    def prepared(self) -> "Scene":
+        """The same scene with all of its force that does not depend on u computed: for loops of many evaluations."""
+        operator = force_operator(self.model, self.families, mean=self.mean is not None)
+        return eqx.tree_at(lambda s: s.operator, self, operator, is_leaf=lambda x: x is None)
+
+    def unbalanced(self, u: Float[Array, "points dim"], factor=1.0) -> Float[Array, "points dim"]:
+        """V (f + λ b) [force] on every point; where held, minus the reaction."""
+        F = self.mean_deformation(factor)
+        f = force_density(self.model, self.families, u, F) if self.operator is None else self.operator(u, F)
+        return self.families.volumes[:, None] * (f + factor * self.load)
+
+
+def _spread(value: Any, shape: tuple[int, int], name: str) -> Any:
+    """`value` for every point named and component: a NumPy array if it is known."""
+    try:
+        return namespace(value).broadcast_to(value, shape)
+    except ValueError:
+        raise ValueError(f"{name} must broadcast to (points named, components) = {shape}; got {value.shape}") from None
+
+
+def _check_points(condition: Condition, points: int) -> np.ndarray:
+    return check_points(type(condition).__name__, condition.points, condition.mask, points)
+
+
+def _put(array: Any, index: tuple[np.ndarray, ...], new: Any, add: bool = False) -> Any:
+    """The array with `new` set at the index, or added to what is there: in place where all is known."""
+    if namespace(array, new) is np:
+        array[index] = new + array[index] if add else new
+        return array
+    array = jnp.asarray(array)
+    return array.at[index].add(new) if add else array.at[index].set(new)
+
+
+def _prescribe(conditions: Sequence[Condition], shape: tuple[int, int], eps: float) -> tuple[np.ndarray, Any]:
+    """(held (points, dim), their values); refuses values for one component that differ by more than eps."""
+    held = np.zeros(shape, dtype=bool)
+    value: Any = np.zeros(shape, jnp.result_type(float))
+    for condition in conditions:
+        if not isinstance(condition, Prescribed):
+            continue
+        p = _check_points(condition, shape[0])
+        c = np.arange(shape[1]) if condition.components is None else np.asarray(condition.components)
+        if c.min() < 0 or c.max() >= shape[1]:
+            raise ValueError(f"components must lie in 0 to {shape[1] - 1} for this body; got {condition.components}")
+        new = _spread(condition.u, (len(p), len(c)), "u of prescribe")
+        if is_concrete(new) and not np.isfinite(np.asarray(new)).all():
+            raise ValueError("u of prescribe must be finite; it holds NaN or infinity")
+        again = held[np.ix_(p, c)]
+        if again.any() and is_concrete(new, value):
+            old = np.asarray(value)[np.ix_(p, c)]
+            scale = max(float(np.abs(old).max()), float(np.abs(new).max()))
+            clash = again & (np.abs(old - np.asarray(new)) > eps * scale)
+            if clash.any():
+                i, k = np.argwhere(clash)[0]
+                raise ValueError(
+                    f"contradictory prescriptions: component {c[k]} of point {p[i]} is held at {old[i, k]:g} and at"
+                    f" {float(new[i, k]):g} ({int(clash.sum())} such components)"
+                )
+        held[np.ix_(p, c)] = True
+        value = _put(value, np.ix_(p, c), new)
+    return held, value
+
+
+def _load(conditions: Sequence[Condition], body: Points, fams: Families, model, held: np.ndarray) -> Any:
+    load: Any = np.zeros(held.shape, jnp.result_type(float))
+    for condition in conditions:
+        if isinstance(condition, Prescribed):
+            continue
+        p = _check_points(condition, len(body))
+        shape = (len(p), body.dim)
+        if isinstance(condition, HomogeneousTraction):
+            F = deformation_gradient(condition.F, body.dim)
+            pulled = model if condition.model is None else condition.model
+            force = on_host(force_density(pulled, fams, on_device(np.zeros(held.shape)), F))
+            b = namespace(force).where(held[p], 0.0, -force[p])
+        elif isinstance(condition, TotalForce):
+            force = on_host(condition.force)
+            if np.shape(force) not in ((body.dim,), () if body.dim == 1 else (body.dim,)):
+                raise ValueError(
+                    f"force of total_force must be a vector ({body.dim},), one component for each direction; got shape"
+                    f" {np.shape(force)}"
+                )
+            b = _spread(force / float(body.volumes[p].sum()), shape, "force of total_force")
+        else:
+            if body.dim > 1 and np.ndim(condition.b) == 0:
+                raise ValueError(f"b of body_force must be a vector ({body.dim},) or one for each point; got a number")
+            b = _spread(condition.b, shape, "b of body_force")
+        value = b if is_concrete(b) else jax.lax.stop_gradient(b)
+        clash = held[p] & ((np.asarray(value) != 0) if is_concrete(value) else False)
+        if clash.any():
+            i, k = np.argwhere(clash)[0]
+            raise ValueError(
+                f"a load on a held component does nothing: component {k} of point {p[i]} is prescribed and loaded"
+                f" ({int(clash.sum())} such components); leave one of the two away"
+            )
+        if is_concrete(b) and not np.isfinite(np.asarray(b)).all():
+            raise ValueError("a load must be finite; it holds NaN or infinity")
+        load = _put(load, (p,), b, add=True)
+    return load
+
+
+def _rigid_motions(positions: np.ndarray, periodic: bool) -> tuple[np.ndarray, list[str]]:
+    """Infinitesimal rigid motions (motions, points, dim) of unit size and their names."""
+    points, dim = positions.shape
+    axes = "xyz"[:dim]
+    motions, names = [], []
+    for k in range(dim):
+        motions.append(np.broadcast_to(np.eye(dim)[k], (points, dim)))
+        names.append(f"translation along {axes[k]}")
+    centred = positions - positions.mean(axis=0)
+    size = max(float(np.abs(centred).max()), np.finfo(float).tiny)
+    for i in range(0 if periodic else dim):
+        for k in range(i + 1, dim):
+            turn = np.zeros((points, dim))
+            turn[:, i], turn[:, k] = -centred[:, k] / size, centred[:, i] / size
+            if np.abs(turn).max() > 0:
+                motions.append(turn)
+                names.append(f"rotation in the plane {axes[i]}{axes[k]}")
+    return np.array(motions), names
+
+
+def _name_motions(loose: np.ndarray, names: list[str], dim: int) -> list[str]:
+    """Names of free motions (motions, coefficients): what turns at all is a rotation, about some held point."""
+    size, directions = np.linalg.svd(loose, full_matrices=False)[1:]
+    span = directions[size > 1e-9 * size[0]]
+    share = np.sum(span**2, axis=0)  # how much of each motion is free
+    pure = [k for k in range(len(names)) if share[k] > 1 - 1e-6]
+    mixed = sorted((k for k in range(len(names)) if k not in pure), key=lambda k: (k < dim, -share[k]))
+    return [names[k] for k in sorted([*pure, *mixed[: len(span) - len(pure)]])]
+
+
+def _check_held(body: Points, fams: Families, held: np.ndarray) -> None:
+    """Refuse rigid motions that nothing holds, by name, piece by piece; under a transformation it can't look."""
+    if not is_concrete(fams):
+        return
+    from scipy.sparse.csgraph import connected_components
+
+    true = np.asarray(fams.weight) * np.asarray(fams.influence) > 0
+    i, slot = np.nonzero(true)
+    graph = sp.coo_array((np.ones(len(i)), (i, np.asarray(fams.neighbours)[i, slot])), shape=(len(body),) * 2)
+    pieces, label = connected_components(graph, directed=False)
+    for piece in range(pieces):
+        inside = np.flatnonzero(label == piece)
+        motions, names = _rigid_motions(body.positions[inside], body.period is not None)
+        flat = motions.reshape(len(names), -1)
+        # motions that move something, orthonormal: points on a line can't turn about it
+        size, mix = np.linalg.eigh(flat @ flat.T)
+        basis = (mix / np.sqrt(np.maximum(size, np.finfo(float).tiny))).T[size > 1e-10 * size[-1]]
+        at_held = np.einsum("mk,kh->mh", basis, motions[:, held[inside]])  # (motions, held components)
+        square = np.linalg.qr(at_held.T, mode="r") if at_held.shape[1] > len(basis) else at_held.T
+        _, grip, directions = np.linalg.svd(np.concatenate([square, np.zeros((len(basis), len(basis)))]))
+        loose = directions[grip <= 1e-9 * np.sqrt(max(1, at_held.shape[1]) / flat.shape[1])] @ basis
+        if len(loose):
+            names = _name_motions(loose, names, body.dim)
+            where = "the body" if pieces == 1 else f"piece {piece + 1} of {pieces} (the one of point {inside[0]})"
+            raise ValueError(
+                f"{where} is under-constrained: nothing holds its {', '.join(names)}"
+                f" ({len(loose)} rigid motions free); prescribe displacements that stop them, or make the scene with"
+                " moving=True if it is to move in time"
+            )
+
+
+def _check_conditions(conditions: Sequence[Any]) -> None:
+    """Refuse what is no condition."""
+    for condition in conditions:
+        if isinstance(condition, list | tuple) and not isinstance(condition, Condition):
+            raise ValueError(
+                "conditions are given one by one, scene(body, fams, model, held, pulled): put a star before a list of"
+                " them, *conditions"
+            )
+        if not isinstance(condition, Condition):
+            raise ValueError(f"conditions must come from prescribe, body_force, total_force …; got {condition!r:.80}")
+
+
+@taught
+def scene(
+    body: Points,
+    fams: Families,
+    model: AbstractModel,
+    *conditions: Any,
+    mean=None,
+    closed_form=None,
+    moving: bool = False,
+    name: str = "scene",
+) -> Scene:
+    """A boundary value problem: a body, a model and its conditions.
+
+    Arguments: body, fams = families(body, …), model; conditions from `prescribe`, `body_force`, `total_force`,
+        `homogeneous_traction`; mean (dim, dim) mean deformation of a periodic body at load factor 1; closed_form
+        (points, dim) [length], a displacement known to solve it or to be compared with it; moving: for dynamics, where
+        rigid motions need not be held.
+    Raises: ValueError for families of another body, contradictory prescriptions, a load on a held component,
+        nothing left free, or a rigid motion of a piece that nothing holds (named).
+    """
+    check_body("body", body)
+    check_model(model, fams, Families)  # refuses families the model can't use
+    _check_conditions(conditions)
+    if len(fams) != len(body) or fams.dim != body.dim:
+        raise ValueError(f"fams must be families of this body of {len(body)} points; got those of {len(fams)} points")
+    if mean is not None and body.period is None:
+        raise ValueError("mean deformation is for periodic bodies; prescribe displacements of this one instead")
+    shape = (len(body), body.dim)
+    held, value = _prescribe(conditions, shape, 16 * float(jnp.finfo(fams.dtype).eps))
+    if held.all():
+        raise ValueError("the body is over-constrained: every displacement is prescribed and nothing is left to solve")
+    if not moving:
+        _check_held(body, fams, held)
+    load = _load(conditions, body, fams, model, held)
+    real = fams.dtype
+    if closed_form is not None:
+        closed_form = as_array(closed_form, real)
+        if closed_form.shape != shape:
+            raise ValueError(f"closed_form must have shape (points, dim) = {shape}; got {closed_form.shape}")
+    if mean is not None:
+        mean = as_array(deformation_gradient(mean, body.dim), real)
+    return Scene(
+        body,
+        fams,
+        model,
+        np.flatnonzero(~held.reshape(-1)).astype(np.int32),
+        on_device(value.astype(real)),
+        on_device(load.astype(real)),
+        mean,
+        closed_form,
+        name,
+    )
+
+
+def still(scene: Any) -> Any:
+    """The scene with no derivative flowing through it: itself, with all that its families remember, if all is known."""
+    if is_concrete(scene):
+        return scene
+    frozen = jax.lax.stop_gradient(eqx.filter(scene, eqx.is_array))
+    return eqx.combine(frozen, eqx.filter(scene, eqx.is_array, inverse=True))

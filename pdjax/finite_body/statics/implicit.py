@@ -1,0 +1,71 @@
+"""Derivatives of an equilibrium by the implicit function theorem, forward and reverse.
+
+    r(q(θ), θ) = 0   ⇒   dq/dθ = −A⁻¹ ∂r/∂θ
+
+No iteration is differentiated: at the solution, linear solves with A (forward) or Aᵀ (reverse), by the same sparse
+factor, kept on the host. The rule is differentiated in its turn, so derivatives of every order are exact.
+"""
+
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from ..factorisation import Factor, matrix, product, residual
+from ..scene import Scene, still
+
+
+def attach(scene: Scene, q: np.ndarray, factor: float) -> Array:
+    """q with the derivatives it has as the solution of the (traced) scene; its value is unchanged."""
+    quiet, root = still(scene), jax.device_put(q)
+    lu = Factor(matrix(quiet, quiet.displacement(q, factor), factor), scene.model.hyperelastic)
+
+    def solved(b: Any, transposed: bool) -> np.ndarray:
+        columns = np.asarray(b).reshape(-1, b.shape[-1]).T
+        return lu.solve(columns, transposed).T.reshape(b.shape).astype(b.dtype)
+
+    def solve(_, b, transposed=False):
+        like = jax.ShapeDtypeStruct(b.shape, b.dtype)
+        return jax.pure_callback(lambda x: solved(x, transposed), like, b, vmap_method="expand_dims")
+
+    @eqx.filter_custom_jvp
+    def solution(scene: Scene) -> Array:
+        return root
+
+    @solution.def_jvp
+    def rate(primals, tangents):
+        (scene,), (change,) = primals, tangents
+        at = solution(scene)  # differentiable in its turn, and so are second derivatives exact
+        _, dr = eqx.filter_jvp(lambda s: residual(s, at, factor), (scene,), (change,))
+        dq = jax.lax.custom_linear_solve(
+            lambda v: product(scene, at, factor, v),
+            dr,
+            solve,
+            lambda matvec, b: solve(matvec, b, True),
+            symmetric=scene.model.hyperelastic,
+        )
+        return at, -dq
+
+    return solution(scene)
+
+
+@jax.custom_jvp
+def without_derivative(u: Array, by: Array, bad: Array) -> Array:
+    """u, whose derivative by anything in `by` is NaN where `bad`: what did not converge has none."""
+    return u
+
+
+@without_derivative.defjvp
+def _(primals, tangents):
+    u, _, bad = primals
+    du, dby, _ = tangents
+    return u, du + jnp.where(bad, jnp.nan, 0.0) * dby
+
+
+def leaves_sum(scene: Scene) -> Array:
+    """A number that depends on every real leaf of the scene."""
+    leaves = [x for x in jax.tree.leaves(scene) if eqx.is_inexact_array(x)]
+    return sum((jnp.sum(x) for x in leaves), jnp.zeros(()))

@@ -1,0 +1,191 @@
+"""`solve`: one door to the static methods, with load stepping, derivatives and the nature of what was found.
+
+Load stepping raises the load factor from 0 to 1. A step that fails is taken back and halved, one that was easy makes
+the next one longer, and a step below the smallest stops with the last equilibrium reached. Before each step the
+tangent predictor moves the whole body, A δq = −(r + ∂r/∂λ δλ): without it a prescribed displacement tears the boundary
+layer from a body that has not moved yet.
+"""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from ..._internal.checks import choice, in_double, inside_jit, is_concrete, namespace, on_device
+from ..._internal.doors import taught
+from ..._internal.progress import Residuals
+from ..factorisation import Singular, load_rate, residual_and_scale, residual_of
+from ..scene import Scene, still
+from ..spectrum import body_stability
+from .implicit import attach, leaves_sum, without_derivative
+from .newton import direct, krylov, newton
+from .relaxation import CHUNK, relaxation
+from .result import CONVERGED, FLOWN, NOT_FINITE, SINGULAR, STEP_TOO_SMALL, Equilibrium, torn, turned_bonds
+from .trust_region import trust_region
+
+SOLVERS = ("newton", "newton_krylov", "trust_region", "relaxation")
+ITERATIONS = {"newton": 50, "newton_krylov": 50, "trust_region": 200, "relaxation": 200_000}
+EASY = 6  # iterations up to which the next load step may grow
+
+
+def _attempt(scene: Scene, method: str, q: np.ndarray, factor: float, tolerance: float, most: int, shown: bool):
+    if method == "trust_region":
+        target, left = (np.asarray(x, q.dtype) for x in (factor, tolerance))  # traced: a new one compiles nothing
+        q, code, history = map(np.asarray, trust_region(scene, q, target, left, most))
+        return q, int(code), list(history[np.isfinite(history)])
+    seen = Residuals(factor, shown)
+    try:
+        if method == "relaxation":
+            return relaxation(scene, q, factor, tolerance, most, seen)
+        return newton(scene, q, factor, tolerance, most, krylov if method == "newton_krylov" else direct, seen)
+    finally:
+        seen.end()
+
+
+def _predict(scene: Scene, method: str, q: np.ndarray, factor: float, step: float) -> np.ndarray:
+    """One linear step of the whole body with the load; q itself where A can't be inverted."""
+    linear = krylov if method == "newton_krylov" else direct
+    try:
+        r, _ = residual_and_scale(scene, q, factor)
+        b = np.asarray(r) + step * np.asarray(load_rate(scene, q, factor))
+        return (q - linear(scene, q, factor)(b)).astype(q.dtype) if np.any(b) else q
+    except Singular:
+        return q
+
+
+def _climb(scene: Scene, method, q: np.ndarray, step, smallest_step, predictor, tolerance, most, shown) -> tuple:
+    """Load stepping from q at load factor 0 → (q, factor, code, history, iterations, the step that failed or None)."""
+    factor, history, iterations = 0.0, [], 0
+    while True:
+        size = min(step, 1.0 - factor)
+        target = 1.0 if size == 1.0 - factor else factor + size
+        trial = _predict(scene, method, q, factor, size) if predictor == "tangent" else q
+        new, code, residuals = _attempt(scene, method, trial, target, tolerance, most, shown)
+        if code == CONVERGED and bool(torn(scene.families, scene.displacement(new, target))):
+            code = FLOWN
+        history += residuals
+        iterations += (len(residuals) - 1) * (CHUNK if method == "relaxation" else 1)
+        if code == CONVERGED:
+            q, factor = new, target
+            if factor >= 1.0:
+                return q, factor, code, history, iterations, None
+            if len(residuals) - 1 <= EASY:
+                step = min(2 * step, 1.0)
+        elif size / 2 < smallest_step:
+            failed = f"from load factor {factor:.6g} to {target:.6g}"
+            if factor == 0.0 and size == 1.0:
+                q, factor = new, 1.0  # one step, not cut: what it reached is what is asked about
+            elif code not in (SINGULAR, NOT_FINITE, FLOWN):
+                code = STEP_TOO_SMALL
+            return q, factor, code, history, iterations, failed
+        else:
+            step = size / 2
+
+
+def _sound(scene: Scene, q: np.ndarray, factor: float) -> bool:
+    """Whether the forces are finite on every point, held ones too: the scale is of them all, and already compiled."""
+    return bool(np.isfinite(np.asarray(residual_and_scale(scene, q, factor)[1])))
+
+
+def _check(scene, method, tolerance, step, smallest_step, predictor) -> None:
+    if not isinstance(scene, Scene):
+        raise ValueError(f"scene must be a Scene (pdjax.scene or pdjax.scenes); got {type(scene).__name__}")
+    choice("method", method, SOLVERS)
+    choice("predictor", predictor, ("tangent", "none"))
+    if not 0 < tolerance < 1:
+        raise ValueError(f"tolerance must lie between 0 and 1; got {tolerance}")
+    if not (0 < smallest_step <= step <= 1):
+        raise ValueError(f"need 0 < smallest_step <= step <= 1; got step {step}, smallest_step {smallest_step}")
+
+
+@taught
+@in_double
+def solve(
+    scene: Scene,
+    method: str = "newton",
+    *,
+    start=None,
+    step: float = 1.0,
+    smallest_step: float = 1e-3,
+    predictor: str = "none",
+    tolerance: float | None = None,
+    max_iterations: int | None = None,
+    stability: bool = True,
+    show_progress: bool = True,
+    throw: bool = False,
+) -> Equilibrium:
+    """Equilibrium of a scene at its full load.
+
+    Arguments: method "newton" (exact sparse Jacobian, line search), "newton_krylov" (matrix-free), "trust_region"
+        (optimistix dogleg, dense, runs under jit and vmap), "relaxation" (adaptive dynamic relaxation); start
+        (points, dim) [length], zero by default; step: first load step [-], 1 for all at once; smallest_step: where
+        halving ends; predictor "none" (the free points wait, as in the paper's experiment) or "tangent"; tolerance of
+        the relative residual (1e-10, in float32 1e-5); max_iterations a load step; stability: look at the spectrum at
+        the end; show_progress: on a terminal, how far the load has come; throw: raise where it does not converge.
+    Returns: `Equilibrium`. Its u has exact first and second derivatives, forward and reverse, in all that the
+        scene was made of; NaN where it did not converge.
+    Raises: ValueError for bad arguments; RuntimeError with the reason if `throw` and not converged.
+    """
+    if tolerance is None and isinstance(scene, Scene):
+        tolerance = 1e-10 if scene.prescribed.dtype == jnp.float64 else 1e-5  # rounding leaves 1e-15 to 1e-11, 1e-7
+    _check(scene, method, tolerance, step, smallest_step, predictor)
+    most = ITERATIONS[method] if max_iterations is None else max_iterations
+    dtype = scene.prescribed.dtype
+    if start is None:
+        q = np.zeros(scene.unknowns.shape[0], dtype)
+    else:
+        xp = namespace(start, scene.unknowns)
+        q = xp.asarray(start, dtype).reshape(-1)[xp.asarray(scene.unknowns)]
+    quiet = still(scene)
+    if inside_jit() or not is_concrete(quiet, q):
+        if method != "trust_region":
+            raise ValueError(f"method {method!r} runs on the host; under jit or vmap use method='trust_region'")
+        return _traced(scene, quiet, q, tolerance, most)
+    q, factor, code, history, iterations, failed = _climb(
+        quiet, method, q, step, smallest_step, predictor, tolerance, most, show_progress
+    )
+    u = at = quiet.displacement(q, factor)
+    if not is_concrete(scene):  # quiet is, so what flows through it is a derivative
+        u = _differentiable(scene, attach(scene, q, factor) if code == CONVERGED else q, factor, code != CONVERGED)
+    look = stability and scene.model.hyperelastic and _sound(quiet, q, factor)
+    result = Equilibrium(
+        u,
+        on_device(np.asarray(factor, dtype)),
+        np.asarray(history),
+        iterations,
+        code,
+        int(turned_bonds(quiet.families, at)),
+        body_stability(quiet, at, factor) if look else None,
+        failed,
+        method,
+    )
+    if throw and not result.converged:
+        raise RuntimeError(f"no equilibrium of the {scene.name}: {result}")
+    return result
+
+
+@eqx.filter_jit
+def _place(scene: Scene, q: Array | np.ndarray, factor, bad) -> Array:
+    return without_derivative(scene.displacement(q, factor), leaves_sum(scene), bad)
+
+
+def _differentiable(scene: Scene, q, factor: float, bad: bool) -> Array:
+    """u of a scene through which a derivative flows; a derivative is NaN where `bad`."""
+    return _place(scene, q, np.asarray(factor, q.dtype), np.asarray(bad))
+
+
+def _traced(scene: Scene, quiet: Scene, start: Array | np.ndarray, tolerance, most: int) -> Equilibrium:
+    """One step at full load, wholly in JAX; its derivative is a dense implicit solve."""
+    found, code, history = trust_region(quiet, start, 1.0, tolerance, most)
+    q = jax.lax.stop_gradient(found)
+    for _ in range(2):  # Newton from the root: the implicit function theorem, exact to second order
+        A = jax.jacfwd(lambda p: residual_of(scene, p, 1.0))(q)
+        r = residual_of(scene, q, 1.0)
+        q = q - jnp.linalg.solve(A, r - jax.lax.stop_gradient(r))
+    u = scene.displacement(q, 1.0)
+    code = jnp.where((code == CONVERGED) & torn(quiet.families, u), FLOWN, code)
+    u = without_derivative(u, leaves_sum(scene), code != CONVERGED)
+    used = jnp.sum(jnp.isfinite(history)) - 1
+    turned = turned_bonds(quiet.families, u)
+    return Equilibrium(u, jnp.ones((), q.dtype), history, used, code, turned, None, None, "trust_region")

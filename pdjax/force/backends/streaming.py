@@ -1,0 +1,275 @@
+# mypy: disable-error-code="arg-type, union-attr"
+"""The force density of a model by moments, streamed over a walk: memory of a few numbers a point, never points × bonds.
+
+    first pass    Σ_b moments(bond b) → A            at every point
+    second pass   f = Σ_b V_j [t(A_i, A_j, bond) − t(A_j, A_i, −bond)] = Σ_b V_j t(A_i + A_j, bond)
+
+the last for models that promise `additive` on bodies whose bonds weigh the same from both ends. What depends on the
+reference configuration alone is summed once, by `reference_sums`.
+"""
+
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from ...geometry.bonds import Bonds
+from ...models.base import PointStateModel, Sums
+from ...models.pointwise import directions_of_rest, split_model
+from .components import by_components, join
+from .traversal import GridWalk, Slot, Walk
+
+
+def _flat(x: Array) -> Array:
+    """(points, …) → (points, components)."""
+    return x.reshape(x.shape[0], -1)
+
+
+class _Varying:
+    """The constants of a model that vary from point to point, laid out by a walk: `split` as by `split_model`."""
+
+    def __init__(self, split: tuple[Any, Any], walk: Walk):
+        varying, self.shared = split
+        leaves, self.structure = jax.tree.flatten(varying)
+        self.shapes = [x.shape[1:] for x in leaves]
+        self.first = [x[0].astype(walk.volumes.dtype) for x in leaves]
+        self.rows = [_rows(walk, self._laid(walk, x)) for x in leaves]
+
+    @staticmethod
+    def _laid(walk: Walk, x: Array) -> Array:
+        """(components, flat); where there is no point, the first point's: nothing is divided by 0."""
+        x = _flat(x.astype(walk.volumes.dtype))
+        return walk.embed(x) if walk.filled is None else jnp.where(walk.filled > 0, walk.embed(x), x[0][:, None])
+
+    def __bool__(self) -> bool:
+        return bool(self.rows)
+
+    def components(self, read: Callable) -> list[np.ndarray]:
+        """`read` at the points or at their neighbours."""
+        return [_trees(None, [s], [read(row) for row in x]) for x, s in zip(self.rows, self.shapes, strict=True)]
+
+    def single(self) -> PointStateModel:
+        """The model with the constants of the first point."""
+        return self.model(self.first)
+
+    def model(self, leaves: list) -> PointStateModel:
+        return eqx.combine(jax.tree.unflatten(self.structure, leaves), self.shared)
+
+
+def _rows(walk: Walk, x: Array) -> list[Array]:
+    """(components, flat) → opened rows, taken apart once: a row cut out inside a loop is a copy at every step."""
+    return [walk.open(x[k]) for k in range(x.shape[0])]
+
+
+def _bond(
+    walk: Walk,
+    u: list[Array],
+    here: list[Array],
+    gradient: Array | None,
+    slot: Slot,
+    volumes: Array,
+    horizon: Array,
+):
+    """The bonds of one slot, by components."""
+    dim = len(u)
+    xi, eta = np.empty(dim, dtype=object), np.empty(dim, dtype=object)
+    for k in range(dim):
+        xi[k] = slot.xi[k]
+    far = walk.far(volumes, slot)
+    # where there is no point u is 0, and a bond to it may collapse: 0 · ∞ is no force
+    real = None if walk.filled is None else (far > 0) & (walk.filled > 0)
+    for k in range(dim):
+        eta[k] = walk.far(u[k], slot) - here[k]
+        if real is not None:
+            eta[k] = jnp.where(real, eta[k], 0.0)
+        if gradient is not None:
+            eta[k] = eta[k] + sum(gradient[k, l] * xi[l] for l in range(dim))
+    return Bonds(xi, eta, _one(slot.omega), _one(far), _one(horizon))
+
+
+def _one(x: Any) -> np.ndarray:
+    out = np.empty((), dtype=object)
+    out[()] = x
+    return out
+
+
+def _over_slots(walk: Walk, body: Callable, start: list[Array], pairs: float) -> list[Array]:
+    """Σ over the slots of what `body(slot)` gives: lists of (flat,) arrays.
+
+    `pairs` ±1: a bond gives its far end `pairs` times what it gives its near end, so one slot of each opposite two is
+    enough; 0: nothing is known of it.
+    """
+
+    @partial(jax.checkpoint, prevent_cse=False)
+    def add(total, numbers):
+        for number in numbers:
+            slot = walk.slot(number)
+            share = body(slot)
+            total = [a + b for a, b in zip(total, share, strict=True)]
+            if pairs:
+                total = [a + pairs * walk.returned(b, slot) for a, b in zip(total, share, strict=True)]
+        return total
+
+    numbers = walk.numbers(bool(pairs))
+    left = [n for n in numbers[-1] if n >= 0]
+    whole = numbers[:-1] if len(left) < numbers.shape[1] else numbers
+    total, _ = jax.lax.scan(lambda total, step: (add(total, list(step)), None), start, jnp.asarray(whole))
+    return add(total, left) if len(whole) < len(numbers) else total
+
+
+def _sizes(model: PointStateModel, which: int, dim: int, dtype: Any) -> tuple[Any, list[tuple[int, ...]]]:
+    """Structure and shapes of one tree of moments."""
+    one = Bonds(*(jax.ShapeDtypeStruct(s, dtype) for s in ((dim,), (dim,), (), (), ())))
+    tree = jax.eval_shape(model.moments, one)[which]
+    leaves, structure = jax.tree.flatten(tree)
+    return structure, [x.shape for x in leaves]
+
+
+def _entries(tree: Any) -> list:
+    return [e for x in jax.tree.leaves(tree) for e in x.reshape(-1)]
+
+
+def _trees(structure: Any, shapes: list[tuple[int, ...]], rows: Any) -> Any:
+    """Rows (one an entry) → the tree of components that they are."""
+    leaves, at = [], 0
+    for shape in shapes:
+        size = int(np.prod(shape))
+        leaf = np.empty(size, dtype=object)
+        for k in range(size):
+            leaf[k] = rows[at + k]
+        leaves.append(leaf.reshape(shape))
+        at += size
+    return jax.tree.unflatten(structure, leaves) if structure is not None else leaves[0]
+
+
+def _in_pairs(walk: Walk, varying: _Varying) -> bool:
+    """Whether what a bond gives its two ends is the same but for the sign: on a lattice of one material."""
+    model = varying.single()
+    return model.even and model.additive and not model.degree and isinstance(walk, GridWalk) and not varying
+
+
+def _sum_moments(varying: _Varying, walk: Walk, which: int, u: Array, gradient, horizon) -> Array:
+    """One tree of moments summed over every family: (entries, flat)."""
+    dim, dtype = u.shape[0], u.dtype
+    _, shapes = _sizes(varying.single(), which, dim, dtype)
+    count = sum(int(np.prod(s)) for s in shapes)
+    opened, volumes = _rows(walk, u), walk.open(walk.volumes)
+    pairs = 1.0 if _in_pairs(walk, varying) else 0.0
+
+    def moments(leaves, bond):
+        return varying.model(leaves).moments(bond)[which]
+
+    here = [walk.here(x) for x in opened]
+    own = varying.components(walk.here)
+
+    def body(slot):
+        bond = _bond(walk, opened, here, gradient, slot, volumes, horizon)
+        if pairs:  # also nothing from where there is no point
+            bond = bond._replace(volume=_one(bond.volume[()] * walk.filled))
+        return _entries(by_components(moments, dtype, walk.one, walk.dear(*bond.eta, bond.volume[()]))(own, bond))
+
+    flat = walk.volumes.shape[0]
+    total = _over_slots(walk, body, [jnp.zeros(flat, dtype)] * count, pairs) if count else []
+    return jnp.stack(total) if count else jnp.zeros((0, flat), dtype)
+
+
+def reference_moments(model: PointStateModel, points: int, dim: int) -> Any:
+    """What one bond adds to `reference_sums`, for the constants that it depends on to be found."""
+    varying, shared = split_model(model, points)
+    first = eqx.combine(jax.tree.map(lambda x: x[0], varying), shared)
+    return first.moments(Bonds(jnp.ones(dim), jnp.zeros(dim), *map(jnp.ones, ((), (), ()))))[0]
+
+
+def reference_sums(split: tuple[Any, Any], walk: Walk, dim: int, horizon: Array) -> Float[Array, "entries flat"]:
+    """Σ of the first tree of `moments`; where there is no point, what a full family has, and for an empty family
+    what bonds at rest have (`models.pointwise`): nothing is singular.
+
+    `split`: (leaves of the model that vary from point to point, the rest), as by `split_model`.
+    """
+    dtype = walk.volumes.dtype
+    u = jnp.zeros((dim, walk.volumes.shape[0]), dtype)
+    varying = _Varying(split, walk)
+    sums = _sum_moments(varying, walk, 0, u, None, horizon)
+    if walk.filled is None:
+        xi = horizon * directions_of_rest(dim, dim * (dim + 3) // 2).astype(dtype)
+        empty, ones = jnp.all(sums == 0, axis=0), jnp.ones(len(xi), dtype)
+        bonds = Bonds(xi, jnp.zeros_like(xi), ones, ones, horizon)
+    else:
+        empty = walk.filled <= 0
+        bonds = Bonds(walk.xi, jnp.zeros_like(walk.xi), walk.omega, jnp.full(len(walk.xi), walk.cell), horizon)
+    first = varying.single()
+    full = jax.vmap(lambda x, e, w, v: first.moments(Bonds(x, e, w, v, horizon))[0])(*bonds[:4])
+    rows = jnp.concatenate([jnp.zeros(0, dtype), *(x.sum(axis=0).reshape(-1) for x in jax.tree.leaves(full))])
+    return jnp.where(empty, rows[:, None], sums)
+
+
+def _states(single: PointStateModel, of: Callable, own: list, dim: int, dtype: Any, sums: tuple, horizon: Array):
+    """The point states from both sums (entries, flat): structure, shapes, and rows (flat,), one an entry.
+
+    `single`: a model of one point, for shapes; `of`(constants) → model, `own`: these constants by components.
+    """
+    trees = [_sizes(single, k, dim, dtype) for k in (0, 1)]
+
+    def state_of(leaves, reference, deformed, horizon):
+        return of(leaves).state(Sums(reference, deformed, horizon, dim))
+
+    both = [_trees(*tree, rows) for tree, rows in zip(trees, sums, strict=True)]
+    state = by_components(state_of, dtype)(own, *both, _one(horizon))
+    leaves, structure = jax.tree.flatten(state)
+    rows = [join(e, sums[0].shape[1]) for x in leaves for e in map(_one, x.reshape(-1))]
+    return structure, [x.shape for x in leaves], rows
+
+
+def state_rows(model: PointStateModel, dim: int, dtype: Any, sums: tuple[Array, Array], horizon: Array) -> list:
+    """The point states of a model of one material from both sums (entries, points), entry by entry."""
+    return _states(model, lambda leaves: model, [], dim, dtype, sums, horizon)[2]
+
+
+def streamed_force(
+    split: tuple[Any, Any], walk: Walk, reference: Array, u: Float[Array, "points dim"], gradient: Any, horizon: Array
+) -> Float[Array, "points dim"]:
+    """f of every point, in two passes; `split` as for `reference_sums`; `gradient` is F − I of a mean deformation, or
+    None."""
+    dim, dtype = u.shape[1], walk.volumes.dtype
+    varying = _Varying(split, walk)
+    model = varying.single()
+    U = walk.embed(u.astype(dtype))
+    deformed = _sum_moments(varying, walk, 1, U, gradient, horizon)
+    mine = varying.components(walk.here)
+    structure, shapes, rows = _states(model, varying.model, mine, dim, dtype, (reference, deformed), horizon)
+    states = _rows(walk, walk.renew(jnp.stack(rows))) if rows else []
+    opened, volumes = _rows(walk, U), walk.open(walk.volumes)
+    pairs = -1.0 if _in_pairs(walk, varying) else 0.0
+    alike = model.additive and walk.back is None and not varying
+    u_here, a_here = ([walk.here(x) for x in rows] for rows in (opened, states))
+    here = _trees(structure, shapes, a_here)
+
+    def force(leaves, here, there, bond):
+        return varying.model(leaves).bond_force(here, there, bond)
+
+    def body(slot):
+        bond = _bond(walk, opened, u_here, gradient, slot, volumes, horizon)
+        a_far = [walk.far(x, slot) for x in states]
+        if alike:
+            summed = [a + b for a, b in zip(a_here, a_far, strict=True)]
+            both = _trees(structure, shapes, summed)
+            total = by_components(force, dtype, walk.one, walk.dear(*bond.eta, *summed))(mine, both, both, bond)
+            weight = bond.volume[()] * (1.0 if shapes else 2.0)
+            if pairs:
+                weight = weight * walk.filled
+            return [weight * x for x in total]
+        there = _trees(structure, shapes, a_far)
+        yours = varying.components(lambda x: walk.far(x, slot))
+        omega = slot.omega if slot.back is None else slot.back
+        reverse = Bonds(-bond.xi, -bond.eta, _one(omega), _one(walk.volumes), bond.horizon)
+        out = by_components(force, dtype)(mine, here, there, bond)
+        back = by_components(force, dtype)(yours, there, here, reverse)
+        return [bond.volume[()] * (a - b) for a, b in zip(out, back, strict=True)]
+
+    zeros = [jnp.zeros_like(walk.volumes)] * dim
+    return walk.collect(jnp.stack(_over_slots(walk, body, zeros, pairs)))

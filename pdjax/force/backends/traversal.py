@@ -1,0 +1,215 @@
+"""Two walks over the bonds of a body: point by point in flat arrays, slot by slot.
+
+A quantity of the points is an array (components, flat); a walk knows how to lay it out (`embed`), to read it at the
+points (`here`) and at their neighbours of one slot (`far`), and to take it back (`collect`). A slot is one offset of a
+lattice (`GridWalk`) or one column of padded neighbour arrays (`SlotWalk`). (Blocks of points as long as the caches like
+were tried: XLA made them four times slower than whole arrays, and they are not here.)
+
+**GridWalk**: cells in row-major order, with a gap of ⌊N⌋ empty cells at the end of every axis but the first, so that a
+neighbour is always the same number of places ahead or behind, and never in the next row by mistake: no index arrays. A
+periodic axis has ⌊N⌋ cells of the other end on both sides instead. What is not a point has volume 0.
+"""
+
+import math
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int
+
+from ..._internal.checks import namespace, on_device, on_host
+from ...geometry.bonds import Families, Grid
+
+UNROLLED = (9, 8, 7, 6, 10)  # slots in one step of the loop, where bonds cost so little that sums are what is paid for
+
+
+def to_cells(x: Any, cells: tuple[int, ...], sites: Any) -> Any:
+    """(points, components) → (components, *cells); 0 where there is no point. Of NumPy arrays a NumPy array."""
+    x = x.T
+    if sites is not None and isinstance(x, np.ndarray):
+        points, x = x, np.zeros((x.shape[0], math.prod(cells)), x.dtype)
+        x[:, np.asarray(sites)] = points
+    elif sites is not None:
+        x = jnp.zeros((x.shape[0], math.prod(cells)), x.dtype).at[:, sites].set(x)
+    return x.reshape(x.shape[0], *cells)
+
+
+def from_cells(x: Array, sites: Array | None) -> Array:
+    """(components, *cells) → (points, components)."""
+    x = x.reshape(x.shape[0], math.prod(x.shape[1:])).T
+    return x if sites is None else x[sites]
+
+
+class Slot(NamedTuple):
+    """One slot: where the neighbours are, and what the bonds are, a value a point or one shared by all."""
+
+    at: Any
+    xi: list[Array]  # a component each
+    omega: Array
+    back: Array | None  # ω of the reverse bond; None: the same
+
+
+def _steps(slots: int, unrolled: bool) -> np.ndarray:
+    """0 … slots − 1 in steps of equal length, −1 where nothing is left; one slot a step unless `unrolled`."""
+    group = min(UNROLLED, key=lambda g: (-(-slots // g) * g, -g)) if unrolled and slots > 10 else 1
+    return np.append(np.arange(slots), np.full(-slots % group, -1)).reshape(-1, group).astype(np.int32)
+
+
+class SlotWalk(eqx.Module):
+    """Any cloud, by its padded neighbour arrays, turned round to (slots, points)."""
+
+    neighbours: Int[Array, "slots flat"]
+    xi: Float[Array, "dim slots flat"]
+    omega: Float[Array, "slots flat"]
+    back: Float[Array, "slots flat"] | None
+    volumes: Float[Array, " flat"]
+    one: Float[Array, ""]  # 1, not known to the compiler
+
+    @staticmethod
+    def of(fams: Families) -> "SlotWalk":
+        """By NumPy where the families are known; `back` is None if it is known that ω_ij = ω_ji of every bond."""
+        xp, fams = namespace(fams), on_host(fams)
+        omega = fams.influence * fams.weight
+        back = omega[fams.neighbours, fams.reverse]
+        symmetric = bool((omega == back).all()) if xp is np else fams.grid is not None
+        turned = (fams.neighbours.T, xp.moveaxis(fams.xi, (2, 1), (0, 1)), omega.T, None if symmetric else back.T)
+        turned = jax.tree.map(np.ascontiguousarray, turned) if xp is np else turned
+        return SlotWalk(*on_device((*turned, fams.volumes, np.ones((), fams.dtype))))
+
+    filled = None
+    embed = staticmethod(lambda x: x.T)  # (points, components) → (components, flat)
+    collect = staticmethod(lambda x: x.T)
+    renew = staticmethod(lambda x: x)
+    open = staticmethod(lambda x: x)
+    here = staticmethod(lambda x: x)
+
+    @staticmethod
+    def dear(*read: Array) -> list:
+        """What is costly to read again: anything gathered."""
+        return list(read)
+
+    @staticmethod
+    def far(x: Array, slot: Slot) -> Array:
+        """x at the far ends of one slot."""
+        return x.at[slot.at].get(mode="promise_in_bounds")
+
+    def numbers(self, pairs: bool) -> np.ndarray:
+        """Numbers of the slots, (steps, group), −1 where nothing is left."""
+        return _steps(self.omega.shape[0], False)
+
+    def slot(self, number: Array) -> Slot:
+        """One slot of the walk."""
+        back = None if self.back is None else self.back[number]
+        return Slot(self.neighbours[number], [x[number] for x in self.xi], self.omega[number], back)
+
+
+class GridWalk(eqx.Module):
+    """A lattice by slices."""
+
+    shifts: Int[Array, " slots"]
+    xi: Float[Array, "slots dim"]
+    omega: Float[Array, " slots"]
+    filled: Float[Array, " flat"]  # 1 at points, 0 elsewhere
+    sites: Int[Array, " points"] | None
+    cell: Float[Array, ""]  # volume of a cell
+    one: Float[Array, ""]  # 1, not known to the compiler
+    cells: tuple[int, ...] = eqx.field(static=True)
+    before: tuple[int, ...] = eqx.field(static=True)  # cells added in front of each axis, and behind it
+    behind: tuple[int, ...] = eqx.field(static=True)
+    periodic: tuple[bool, ...] = eqx.field(static=True)
+    margin: int = eqx.field(static=True)
+    flat: int = eqx.field(static=True)
+
+    @staticmethod
+    def of(fams: Families) -> "GridWalk":
+        grid: Any = fams.grid
+        assert isinstance(grid, Grid)
+        offsets = np.array(grid.offsets).reshape(-1, fams.dim)
+        reach = np.abs(offsets).max(axis=0, initial=0)
+        before = tuple(int(r) if p else 0 for r, p in zip(reach, grid.periodic, strict=True))
+        behind = tuple(int(r) if p or axis else 0 for axis, (r, p) in enumerate(zip(reach, grid.periodic, strict=True)))
+        padded = [n + b + e for n, b, e in zip(grid.cells, before, behind, strict=True)]
+        stride = np.append(np.cumprod(padded[:0:-1])[::-1], 1)
+        real = fams.dtype
+        spacing = np.asarray(fams.spacing, real)
+        walk = GridWalk(
+            on_device((offsets @ stride).astype(np.int32)),
+            on_device(offsets.astype(real) * spacing),
+            on_device(grid.influence),
+            on_device(np.zeros(0, real)),
+            grid.sites,
+            on_device(spacing**fams.dim),
+            on_device(np.ones((), real)),
+            grid.cells,
+            before,
+            behind,
+            grid.periodic,
+            int(np.abs(offsets @ stride).max(initial=0)),
+            math.prod(padded),
+        )
+        points = namespace(grid.sites).ones((len(fams), 1), real)
+        return eqx.tree_at(lambda w: w.filled, walk, on_device(walk.embed(points)[0]))
+
+    back = None
+
+    @property
+    def volumes(self) -> Array:
+        return self.cell * self.filled
+
+    def embed(self, x: Any) -> Any:
+        """(points, components) → (components, flat); 0 where there is no point. Of NumPy arrays a NumPy array."""
+        x = to_cells(x, self.cells, self.sites)
+        for axis, (b, e, wraps) in enumerate(zip(self.before, self.behind, self.periodic, strict=True)):
+            width = [(0, 0)] * x.ndim
+            width[axis + 1] = (b, e)
+            xp = np if isinstance(x, np.ndarray) else jnp
+            x = xp.pad(x, width, mode="wrap" if wraps else "constant")
+        return x.reshape(x.shape[0], self.flat)
+
+    def collect(self, x: Array) -> Array:
+        """(components, flat) → (points, components)."""
+        padded = [n + b + e for n, b, e in zip(self.cells, self.before, self.behind, strict=True)]
+        x = x.reshape(x.shape[0], *padded)
+        x = x[(slice(None), *(slice(b, b + n) for n, b in zip(self.cells, self.before, strict=True)))]
+        return from_cells(x, self.sites)
+
+    def renew(self, x: Array) -> Array:
+        """What was computed cell by cell, made right at the copies of a periodic edge and 0 where there is no point."""
+        if any(self.periodic):
+            return self.embed(self.collect(x))
+        return jnp.where(self.filled > 0, x, 0.0)
+
+    def open(self, x: Array) -> Array:
+        """A row (flat,) with a margin on both sides, to be read by `here` and `far`."""
+        return jnp.pad(x, self.margin)
+
+    def here(self, x: Array) -> Array:
+        """An opened array without its margins."""
+        return x[self.margin : self.margin + self.flat]
+
+    @staticmethod
+    def dear(*read: Array) -> list:
+        """What is costly to read again: nothing."""
+        return []
+
+    def far(self, x: Array, slot: Slot) -> Array:
+        """An opened array at the far ends of one slot."""
+        return jax.lax.dynamic_slice_in_dim(x, self.margin + slot.at, self.flat)
+
+    def numbers(self, pairs: bool) -> np.ndarray:
+        """Of every offset, or of one of each pair of opposite ones; as for `SlotWalk`."""
+        return _steps(len(self.shifts) // 2, False) if pairs else _steps(len(self.shifts), self.flat > 4096)
+
+    def slot(self, number: Array) -> Slot:
+        """One slot of the walk."""
+        xi = [self.xi[number, k] for k in range(self.xi.shape[1])]
+        return Slot(self.shifts[number], xi, self.omega[number], None)
+
+    def returned(self, x: Array, slot: Slot) -> Array:
+        """What every point finds at the other end of the opposite bond: x at −offset, 0 beyond."""
+        return jax.lax.dynamic_slice_in_dim(self.open(x), self.margin - slot.at, self.flat)
+
+
+Walk = SlotWalk | GridWalk

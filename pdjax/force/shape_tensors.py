@@ -1,0 +1,121 @@
+# mypy: disable-error-code="arg-type"
+"""Families whose shape tensor a model needs and can't invert: found before anything is computed, and only once.
+
+The tensors are those of the reference configuration. What they depend on is looked at once for each families object:
+K = Σ w ξ⊗ξ and L = Σ w n⊗n⊗n⊗n depend on the bonds alone and are shared by all models that need them; the tensor of
+another model depends on those of its constants that it reads. K and L are summed by NumPy, others by one program.
+"""
+
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from .._internal.checks import on_device
+from .._internal.dependence import known_part
+from .._internal.memory import remember
+from ..geometry.bonds import Bonds, Families, Family
+from ..models.base import AbstractModel
+from ..models.kinematics import shape_tensor_K, shape_tensor_L
+from ..models.pointwise import each_point, split_model
+
+CHUNK = 512  # families whose tensors NumPy sums at a time: what it makes on the way stays in the caches
+
+
+def _kinds(fams: Families) -> tuple[np.ndarray, Bonds]:
+    """A point of every kind of family that a lattice without arrays has, and these families."""
+    grid: Any = fams.grid
+    examples, patterns = (np.asarray(x) for x in grid.kinds)
+    xi = np.array(grid.offsets, fams.dtype).reshape(-1, fams.dim) * float(fams.spacing or 1.0)
+    xi = np.broadcast_to(xi, (len(patterns), *xi.shape))
+    omega = np.asarray(grid.influence) * patterns
+    volume = np.full(omega.shape, np.asarray(fams.volumes)[0])
+    return examples, Bonds(xi, np.zeros_like(xi), omega, volume, np.full(len(patterns), fams.horizon))
+
+
+def _at_rest(fams: Family | Families) -> tuple[np.ndarray, Bonds]:
+    """Points whose families are looked at, and these families: NumPy arrays (families, bonds, …)."""
+    if isinstance(fams, Family):
+        bonds = fams.bonds(on_device(np.eye(fams.dim, dtype=fams.xi.dtype)))
+        return np.zeros(1, int), Bonds(*(np.asarray(x)[None] for x in bonds))
+    if fams.xi is None:
+        return _kinds(fams)
+    xi, volumes = np.asarray(fams.xi), np.asarray(fams.volumes)
+    omega = np.asarray(fams.influence) * np.asarray(fams.weight)
+    volume = volumes[np.asarray(fams.neighbours)]
+    return np.arange(len(xi)), Bonds(xi, np.zeros_like(xi), omega, volume, np.full(len(xi), fams.horizon))
+
+
+@eqx.filter_jit
+def _by_program(model: AbstractModel, bonds: Bonds) -> Any:
+    return each_point("shape_tensor", model, bonds)
+
+
+def _by_numpy(of: Any, bonds: Bonds) -> np.ndarray:
+    cuts = range(0, len(bonds.xi), CHUNK)
+    return np.concatenate([of(Bonds(*(x[at : at + CHUNK] for x in bonds))) for at in cuts])
+
+
+def _refuse(model: AbstractModel, fams: Family | Families) -> None:
+    """ValueError if a tensor is singular, with the point's index; the values are known."""
+    points, bonds = _at_rest(fams)
+    of = model.shape_tensor
+    if of is shape_tensor_K or of is shape_tensor_L:
+        tensors = _by_numpy(of, bonds)
+    else:
+        if not isinstance(fams, Family):
+            varying, shared = split_model(model, len(fams))
+            model = eqx.combine(jax.tree.map(lambda x: x[points], varying), shared)
+        if eqx.filter_eval_shape(_by_program, model, bonds) is None:
+            return
+        tensors = np.asarray(_by_program(model, bonds))
+    tensors = tensors.astype(float)
+    values = np.linalg.eigvalsh((tensors + tensors.mT) / 2)
+    # smallest over largest eigenvalue of an exactly singular tensor: below 4 eps by rounding (1e-16, 3e-8 in float32)
+    least = 1e-10 if bonds.xi.dtype == np.float64 else 1e-6
+    bad = ~(values[..., 0] > least * values[..., -1])
+    bad &= (bonds.omega > 0).any(axis=-1).reshape(-1, *(1,) * (bad.ndim - 1))  # an empty family has no force
+    if not bad.any():
+        return
+    i = int(np.flatnonzero(bad)[0]) if bad.ndim == 1 else int(np.argwhere(bad)[0, 0])
+    single = isinstance(fams, Family)
+    where = "this lattice family" if single else f"the family of point {points[i]}"
+    if bad.ndim == 2:
+        b = int(np.argwhere(bad)[0, 1])
+        reference = ", ".join(f"{x:.4g}" for x in bonds.xi[i, b])
+        raise ValueError(
+            f"{type(model).__name__} needs an invertible shape tensor for every bond's own family, and that of bond"
+            f" {b}, ξ = ({reference}), of {where} is singular ({int(bad.sum())} such bonds): its members do not"
+            " span enough directions; take a larger r or horizon, or another model"
+        )
+    where += "" if single else f" ({int(bad.sum())} such points)"
+    count = int((bonds.omega[i] > 0).sum())
+    raise ValueError(
+        f"{type(model).__name__} needs an invertible shape tensor, and that of {where} is singular: its {count}"
+        " bonds do not span enough directions; take a larger horizon or another model"
+    )
+
+
+def _tensors_of(fams: Family | Families) -> Any:
+    """The tensors of all families as a function of the model, for its dependence to be traced."""
+    points = 1 if isinstance(fams, Family) else len(fams)
+    bonds = fams.xi.shape[-2] if fams.xi is not None else len(fams.grid.offsets)  # type: ignore[union-attr]
+    sizes = ((points, bonds, fams.dim), (points, bonds, fams.dim), (points, bonds), (points, bonds), (points,))
+    return lambda model: each_point("shape_tensor", model, Bonds(*map(jnp.zeros, sizes)))
+
+
+def check_shape_tensors(model: AbstractModel, fams: Family | Families) -> None:
+    """Refuse families that are known and whose shape tensor this model can't invert; each thing is looked at once.
+
+    Nothing is said where the model's tensor depends on a constant that is traced.
+    """
+    of = model.shape_tensor
+    if of is shape_tensor_K or of is shape_tensor_L:
+        remember(fams, ("invertible", of), lambda: _refuse(model, fams))
+        return
+    known = known_part(fams, "shape tensors", _tensors_of(fams), model)
+    if known is not None:
+        key, there = known
+        remember(fams, ("invertible", key), lambda: _refuse(there, fams))

@@ -1,0 +1,192 @@
+"""Finding the families of a body: by cKDTree, on a lattice by its stencil; packed into padded arrays.
+
+A padded neighbour of a body's family is the point itself with weight 0 and any non-zero reference vector:
+its strain is finite, its weight kills it, and every derivative is finite, without a `where`.
+"""
+
+import math
+import warnings
+from collections.abc import Callable
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+
+from .._internal.checks import is_concrete, namespace, on_device
+from .._internal.doors import taught
+from .bonds import TIE, Families, Grid, cells_within, checked_influence
+from .influence import constant_influence
+from .points import Points, check_body
+from .stencils import LatticeArrays
+from .ties import BAND, CLEAR, CutShell, cut_shell, tie_radius
+
+
+def _refuse_short_box(body: Points, radius: float) -> None:
+    if body.period is not None and (np.array(body.period) <= 2 * radius).any():
+        raise ValueError(
+            f"a periodic box must be longer than two horizons ({2 * radius:g}), or a point meets a neighbour"
+            f" twice; got box lengths {body.period}"
+        )
+
+
+def checked_horizon(horizon: Any) -> float:
+    """The horizon as a number, refused where it is none, or not finite and > 0."""
+    if not is_concrete(horizon):
+        raise ValueError("horizon decides who is whose neighbour, so it can't be traced; pass a plain number")
+    if np.ndim(horizon) != 0 or isinstance(horizon, str) or horizon is None:
+        raise ValueError(f"horizon must be one number [length], the same for all points; got {horizon!r:.60}")
+    horizon = float(horizon)
+    if not (math.isfinite(horizon) and horizon > 0):
+        raise ValueError(f"horizon must be finite and > 0; got {horizon}")
+    return horizon
+
+
+def in_box(body: Points) -> tuple[np.ndarray, np.ndarray | None]:
+    """(positions in the periodic box, its lengths, 0 where it is not periodic), or (positions, None)."""
+    if body.period is None:
+        return body.positions, None
+    box = np.where(np.isfinite(body.period), body.period, 0.0)
+    X = np.where(box > 0, np.mod(body.positions, np.where(box > 0, box, 1.0)), body.positions)
+    return np.where((box > 0) & (X >= box), 0.0, X), box  # np.mod(-1e-17, 1.0) is 1.0
+
+
+def pairs_within(body: Points, radius: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """All pairs i < j not farther apart than `radius`: (i, j, X_j − X_i by the shortest way in a periodic box).
+
+    Refuses duplicates, and boxes smaller than two horizons."""
+    from scipy.spatial import cKDTree  # late: it takes a third of a second
+
+    _refuse_short_box(body, radius)
+    X, box = in_box(body)
+    tree = cKDTree(X, boxsize=box)
+    near = tree.query_pairs(1e-9 * radius, output_type="ndarray")
+    if len(near):
+        i, j = near[0]
+        raise ValueError(f"positions must be distinct; points {i} and {j} coincide ({len(near)} such pairs)")
+    i, j = tree.query_pairs(radius, output_type="ndarray").T
+    vectors = body.positions[j] - body.positions[i]
+    if box is not None:
+        vectors -= box * np.round(vectors / np.where(box > 0, box, np.inf))
+    return i, j, vectors
+
+
+def _warn_of_cut_shell(cut: CutShell, body: Points, horizon: float) -> None:
+    far = np.abs(body.positions).max(initial=0.0) > 100 * np.ptp(body.positions, axis=0).max()
+    shift = ", or shift the origin nearer to the points" if far else ""
+    warnings.warn(
+        f"the horizon {horizon:.6g} cuts through one shell of neighbours, so points that look alike may have different"
+        f" families: {cut}. Take a horizon between two shells, {CLEAR * horizon:.6g} (3 spacings become"
+        f" 3.015){shift}; pdjax.neighbour_report tells the counts",
+        stacklevel=3,
+    )
+
+
+@taught
+def families(
+    body: Points, horizon: float, influence: Callable | str = constant_influence, arrays: bool = True
+) -> Families:
+    """Find every family of a body and pad them into arrays: by cKDTree, on a lattice by its stencil.
+
+    Arguments: body of any dim; horizon δ [length]; influence (r, δ) → ω ≥ 0, or its name. arrays=False (lattices only)
+        keeps the stencil and no arrays over points and bonds: enough for forces and their derivatives; energies need
+        bonds.
+    Raises: ValueError for a horizon that is not finite or below the lattice spacing, duplicate points,
+        a point without neighbours, a periodic box not longer than two horizons, a bad influence.
+    Warns where the horizon cuts through bonds of one length (`pdjax.geometry.ties`), as it may with coordinates of few digits.
+    """
+    check_body("body", body)
+    horizon = checked_horizon(horizon)
+    if body.spacing is not None and horizon < body.spacing / (1 + TIE):
+        raise ValueError(f"horizon must be finite, > 0 and at least one spacing ({body.spacing}); got {horizon}")
+    if body.uniform:
+        return _of_lattice(body, horizon, influence, arrays)
+    if not arrays:
+        raise ValueError(
+            "arrays=False is for lattices, whose families have one stencil; this body is a cloud, or has positions or"
+            " volumes of its own"
+        )
+    radius = tie_radius(body, horizon)
+    _refuse_short_box(body, radius)
+    wide = max(radius, horizon * (1 + BAND))  # a cut shell shows only beyond the horizon
+    fits = body.period is None or min(body.period) > 2 * wide
+    lower, upper, vectors = pairs_within(body, wide if fits else radius)
+    lengths = np.linalg.norm(vectors, axis=1)
+    cut = cut_shell(lengths, body, horizon)
+    if cut is not None:
+        _warn_of_cut_shell(cut, body, horizon)
+    lower, upper, vectors = (x[lengths <= radius] for x in (lower, upper, vectors))
+    i, j = np.concatenate([lower, upper]), np.concatenate([upper, lower])
+    opposite = np.roll(np.arange(len(i)), len(lower))  # directed bond p runs back along p + pairs
+    return pack(body, horizon, influence, (i, j, np.concatenate([vectors, -vectors]), opposite))
+
+
+def _refuse_lonely(count: np.ndarray, horizon: float) -> None:
+    if (count == 0).any():
+        raise ValueError(
+            f"every point needs a neighbour within the horizon {horizon:g}; point {int(np.argmin(count))} has"
+            f" none ({int((count == 0).sum())} such points)"
+        )
+
+
+def _of_lattice(body: Points, horizon: float, influence: Callable | str, arrays: bool) -> Families:
+    """The families of a lattice by its stencil."""
+    assert body.cells is not None and body.spacing is not None
+    periodic = tuple(bool(np.isfinite(p)) for p in body.period) if body.period else (False,) * body.dim
+    _refuse_short_box(body, horizon * (1 + TIE))
+    offsets = cells_within(body.dim, horizon / body.spacing)
+    reach = np.abs(offsets) < np.array(body.cells)
+    offsets = offsets[reach.all(axis=1)]  # a bond longer than the body is nobody's
+    real = jnp.result_type(float)
+    delta = np.asarray(horizon, dtype=real)
+    vectors = offsets * body.spacing
+    made = LatticeArrays(body, offsets, periodic, arrays)
+    _refuse_lonely(made.count, horizon)
+    omega = checked_influence(influence, np.linalg.norm(vectors, axis=1).astype(real), delta)
+    half = len(offsets) // 2
+    order = np.concatenate([np.arange(half, len(offsets)), np.arange(half)[::-1]])
+    grid = Grid(
+        body.cells,
+        periodic,
+        tuple(tuple(int(x) for x in o) for o in offsets[order]),
+        on_device(omega[order]),
+        None if body.sites is None else on_device(body.sites.astype(np.int32)),
+        horizon,
+        None if arrays else (made.examples, made.patterns[:, order]),
+    )
+    volumes, count, delta, at = on_device((body.volumes.astype(real), made.count, delta, body.positions.astype(real)))
+    if not arrays:
+        return Families(None, None, None, None, None, volumes, count, delta, body.spacing, body.shape, grid, at)
+    away = np.zeros((1, body.dim))
+    away[0, 0] = horizon
+    xi = np.concatenate([vectors, away]).astype(real)[made.offset]  # −1, padding, is the last
+    padded = namespace(omega).concatenate([omega, np.ones(1, real)])[made.offset]
+    weight = (made.offset >= 0).astype(real)
+    neighbours, reverse, xi, padded, weight = on_device((made.neighbours, made.reverse, xi, padded, weight))
+    return Families(neighbours, reverse, xi, padded, weight, volumes, count, delta, body.spacing, body.shape, grid, at)
+
+
+def pack(body: Points, horizon: float, influence: Callable | str, directed: tuple[np.ndarray, ...]) -> Families:
+    """Directed bonds (i, j, vectors, index of the opposite bond) → padded arrays."""
+    i, j, vectors, opposite = directed
+    points = len(body)
+    count = np.bincount(i, minlength=points)
+    _refuse_lonely(count, horizon)
+    order = np.lexsort((j, i))
+    slot = np.empty(len(i), dtype=np.int64)
+    slot[order] = np.arange(len(i)) - np.repeat(np.cumsum(count) - count, count)
+
+    width = int(count.max())
+    neighbours = np.broadcast_to(np.arange(points)[:, None], (points, width)).copy()
+    reverse = np.broadcast_to(np.arange(width)[None, :], (points, width)).copy()
+    xi = np.zeros((points, width, body.dim))
+    xi[..., 0] = horizon
+    weight = np.zeros((points, width))
+    neighbours[i, slot], reverse[i, slot], xi[i, slot], weight[i, slot] = j, slot[opposite], vectors, 1.0
+
+    real = jnp.result_type(float)
+    delta = np.asarray(horizon, dtype=real)
+    omega = checked_influence(influence, np.linalg.norm(xi, axis=-1).astype(real), delta)
+    neighbours, reverse, count = on_device(tuple(x.astype(np.int32) for x in (neighbours, reverse, count)))
+    xi, weight, volumes = on_device(tuple(x.astype(real) for x in (xi, weight, body.volumes)))
+    omega, delta, at = on_device((omega, delta, body.positions.astype(real)))
+    return Families(neighbours, reverse, xi, omega, weight, volumes, count, delta, body.spacing, body.shape, None, at)

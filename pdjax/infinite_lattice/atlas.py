@@ -1,0 +1,246 @@
+"""The atlas: every model of the table, on every lattice, along every load path, by the symbol.
+
+For a model on a family: the waves that cost nothing at rest, the error of ω at kh = 1 along an axis beside the
+classical law, the time of a force evaluation for a bond, and for each path and side
+
+    a_cr     the edge of the unstable set: 0 unstable at once, inf not within the limit
+    before   "stable" or "marginal": what the loads are that come before it
+
+The margins of a batch of states serve all paths: loads are sampled in batches until one is unstable, then the bracket
+is split three times into 16 and closed by the secant: a_cr to 1e-5 of the range at worst; `pdjax.critical_load` gives
+all digits. An edge below 1e-4 counts as 0: so near to rest the worst wave sits on a ridge that a search can miss. The
+row "law" is the classical law itself (criterion "local"): what a model that adds no instability of its own has.
+"""
+
+import json
+import math
+import os
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path as FilePath
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from .._internal.checks import choice, computed_in_double, writable, written_whole
+from .._internal.doors import taught
+from .._internal.progress import progress
+from ..force.operator import force_operator
+from ..geometry.bonds import Family, lattice_family
+from ..geometry.neighbour_search import families
+from ..geometry.points import lattice
+from ..models.base import AbstractModel
+from ..models.catalogue import CATALOGUE, model_name
+from ..models.correspondence import Correspondence
+from ..models.laws import LinearElastic, law_label
+from .brillouin import brillouin_zone, largest_eigenvalue, nudge
+from .climb import climb
+from .cosine_series import Series, entries, forms, on_grid, packed, reached
+from .criteria import check_at_rest, family_zone, margin_tolerance
+from .criteria.critical_load import deformations
+from .criteria.on_host import outcomes
+from .lattice_states import checked_states, rings, symbol
+from .paths import PATHS
+
+LAW = "law"
+BATCH, SMALLEST, AT_ONCE = 16, 1e-6, 1e-4
+LIMITS = {"compression": 0.9, "tension": 1.0}
+SIDES = tuple(LIMITS)
+GRID = {1: 8, 2: 6, 3: 4}  # intervals of the zone for each spacing of the horizon; the climb from it does the rest
+SAME = 0.02  # [π/h]
+COST_POINTS = {1: (4096,), 2: (48, 48), 3: (14, 14, 14)}
+
+
+@dataclass
+class Atlas:
+    """One record for each (model, dim, N): `zero` (waves, dim) [π/h], `zero_count`, `dispersion` ω/ω_classical − 1
+    longitudinal and transverse, `cost` [s/bond], `critical` {path: {side: (a_cr, before)}}, or `refused`, why not."""
+
+    records: list[dict] = field(default_factory=list)
+    settings: dict = field(default_factory=dict)
+
+    def save(self, path: str | os.PathLike) -> FilePath:
+        """Write a JSON file, all of it or nothing."""
+        with written_whole(path) as stream:
+            text = json.dumps({"settings": self.settings, "records": self.records}, ensure_ascii=False, indent=1)
+            stream.write(text.encode())
+        return FilePath(path)
+
+    @classmethod
+    def load(cls, path: str | os.PathLike) -> "Atlas":
+        """Read what `save` wrote."""
+        try:
+            read = json.loads(FilePath(path).read_text())
+            return cls(read["records"], read["settings"])
+        except (json.JSONDecodeError, KeyError, UnicodeDecodeError) as error:
+            raise ValueError(f"{path} is not an atlas of pdjax, or is damaged: {error}") from None
+
+    def find(self, model: str, dim: int, N: float) -> dict | None:
+        """The record of one model on one family."""
+        return next((r for r in self.records if (r["model"], r["dim"], r["N"]) == (model, dim, float(N))), None)
+
+
+def critical(model: AbstractModel, fam: Family, path, side: str, criterion: str = "symbol") -> tuple[float, str]:
+    """(a_cr, what the states before it are) along one path and side."""
+    sign, limit = (-1.0 if side == "compression" else 1.0), LIMITS[side]
+    law_family = path is not PATHS["uniaxial-stress"] or criterion != "local"
+    own = model if law_family else Correspondence(model.law)  # type: ignore[attr-defined]
+
+    zone = family_zone(fam, "inversion", GRID[fam.dim] * fam.reach)
+
+    def margins(sizes):
+        F = computed_in_double(deformations, path, sign * sizes, own, fam)
+        out = outcomes(criterion, model, fam, F, zone)
+        return out.margin, margin_tolerance(fam.xi.dtype, out.scale)
+
+    sizes = np.concatenate([np.geomspace(SMALLEST, 0.02, BATCH), np.linspace(0.02, limit, 2 * BATCH + 1)[1:]])
+    low, high, seen = 0.0, math.inf, []
+    for batch in sizes.reshape(-1, BATCH):
+        margin, tolerance = margins(batch)
+        bad = margin > tolerance  # NaN, no state there, is not unstable
+        earlier = slice(int(np.argmax(bad)) if bad.any() else BATCH)
+        seen += list((np.abs(margin) <= tolerance)[earlier][np.isfinite(margin[earlier])])
+        if bad.any():
+            i = int(np.argmax(bad))
+            low, high = (batch[i - 1] if i else low), batch[i]
+            break
+        low = batch[-1]
+    before = "marginal" if seen and all(seen) else "stable"
+    if high <= AT_ONCE:
+        return 0.0, "unstable at once"
+    if not math.isfinite(high):
+        return sign * math.inf, before
+    for _ in range(3):
+        split = np.linspace(low, high, BATCH + 1)
+        margin, tolerance = margins(split[1:])
+        i = int(np.argmax(margin > tolerance)) if (margin > tolerance).any() else BATCH - 1
+        low, high, ends = split[i], split[i + 1], (margin[i - 1] if i else np.nan, margin[i])
+    edge = high
+    if np.isfinite(ends).all() and ends[0] < 0 < ends[1]:
+        edge = low + (high - low) * ends[0] / (ends[0] - ends[1])
+    return (sign * float(edge), before) if edge > AT_ONCE else (0.0, "unstable at once")
+
+
+@partial(jax.jit, static_argnums=(1, 2, 3, 4, 5))
+def _zero_search(blocks: Array, dim: int, bonds: int, rings: int, intervals: int, symmetry: str):
+    """(wave vectors [1/spacing], quotients) of one cosine series: the best grid points and where they climb to."""
+    offsets, zone = reached(dim, bonds, rings), brillouin_zone(dim, intervals, symmetry)
+    grid = jnp.asarray(zone.grid, blocks.dtype)
+    values = on_grid(blocks, offsets, list(zone.axes)).reshape(blocks.shape[1], -1)[:, zone.places]
+    screen = largest_eigenvalue(entries(values, dim)) / jnp.sum(4 * jnp.sin(grid / 2) ** 2, axis=1)
+    count = min(len(zone.grid), 64)
+    chosen = jnp.argsort(-screen)[:count]
+    starts = grid[chosen][None]
+    sums, wave = Series.of(blocks[None], offsets), np.zeros(count, bool)
+    begin = starts + 0.3 * jnp.asarray(nudge(dim, zone.step), blocks.dtype)
+    vectors = jnp.linalg.eigh(forms(sums, begin, wave, wave).A)[1][..., -1]
+    climbed, _, quotients = climb(lambda x: forms(sums, x, wave, wave), begin, vectors, zone.step)
+    return jnp.concatenate([starts, climbed], axis=1)[0], jnp.concatenate([screen[chosen], quotients[0]])
+
+
+@taught
+def zero_energy_waves(model: AbstractModel, fam: Family) -> np.ndarray:
+    """Wave vectors (waves, dim) [π/h] at which the resting lattice resists nothing, one of each set that its symmetry
+    makes the same: as far as a search from 64 starts finds them."""
+    symmetry = "cubic" if fam.cubic and model.isotropic else "inversion"
+    states = checked_states(model, fam, np.eye(fam.dim)[None])
+    settings = fam.dim, len(fam.influence), rings(model), GRID[fam.dim] * fam.reach, symmetry
+    points, values = computed_in_double(_zero_search, packed(states.scaled[0]), *settings)
+    tolerance = 100 * float(margin_tolerance(points.dtype))
+    found = points[np.abs(values) <= tolerance] / np.pi
+    found = found - 2 * np.round(found / 2)
+    found = found[np.linalg.norm(found, axis=1) > 0.05]  # k → 0 is no mode
+    if symmetry == "cubic":
+        folded = -np.sort(-np.abs(found), axis=1)
+    else:  # a wave and its mirror image are one
+        sign = np.sign(found[np.arange(len(found)), np.argmax(np.abs(found) > 1e-6, axis=1)])
+        folded = found * sign[:, None]
+    corner = np.abs(folded - np.round(folded)).max(axis=1, initial=0.0) < SAME
+    folded = np.round(np.where(corner[:, None], np.round(folded), folded), 3)
+    waves: list[np.ndarray] = []
+    for wave in np.unique(folded, axis=0):  # λ is flat by a zero: what is near is the same one
+        if all(np.abs(wave - other).max() > SAME for other in waves):
+            waves.append(wave)
+    return np.array(waves).reshape(-1, fam.dim)
+
+
+def dispersion_error(model: AbstractModel, fam: Family, law: LinearElastic) -> list[float]:
+    """ω/ω_classical − 1 at rest, kh = 1 along an axis: longitudinal, and transverse if dim > 1."""
+    k = np.eye(fam.dim)[0] / float(fam.spacing)
+    values = -np.diag(np.asarray(symbol(model, fam, np.eye(fam.dim), k))) * float(fam.spacing) ** 2
+    classical = [float(law.lam + 2 * law.mu), float(law.mu)][: min(fam.dim, 2)]
+    return [float(np.sqrt(max(v, 0.0) / c) - 1) for v, c in zip(values, classical, strict=False)]
+
+
+def cost_per_bond(model: AbstractModel, dim: int, N: float, repeats: int = 5) -> float:
+    """Median time of a force evaluation over its bonds [s], on a small periodic lattice, compiled before."""
+    fams = families(lattice(COST_POINTS[dim], periodic=True), N)
+    u = jnp.asarray(1e-3 * np.random.default_rng(0).normal(size=(len(fams), dim)))
+    force = force_operator(model, fams)
+    force(u).block_until_ready()
+    times = []
+    for _ in range(repeats):
+        start = time.perf_counter()
+        force(u).block_until_ready()
+        times.append(time.perf_counter() - start)
+    return float(np.median(times)) / float(fams.count.sum())
+
+
+def _record(name: str, dim: int, N: float, law: LinearElastic, paths: Sequence[str], cost: bool) -> dict:
+    fam = lattice_family(dim, N)
+    record: dict = {"model": name, "dim": dim, "N": float(N)}
+    criterion = "local" if name == LAW else "symbol"
+    try:
+        model = Correspondence(law) if name == LAW else CATALOGUE[name](law, fam)
+        check_at_rest(model, fam)
+    except ValueError as error:
+        return record | {"refused": str(error)}
+    record["critical"] = {
+        path: {side: list(critical(model, fam, PATHS[path], side, criterion)) for side in SIDES} for path in paths
+    }
+    if name == LAW:
+        return record
+    waves = zero_energy_waves(model, fam)
+    record |= {"zero": waves[:12].tolist(), "zero_count": len(waves), "dispersion": dispersion_error(model, fam, law)}
+    return record | ({"cost": cost_per_bond(model, dim, N)} if cost else {})
+
+
+@taught
+def model_atlas(
+    models: Sequence[str] | None = None,
+    dims: Sequence[int] = (1, 2),
+    N: Sequence[float] = (3,),
+    law: LinearElastic | None = None,
+    paths: Sequence[str] = tuple(PATHS),
+    cost: bool = True,
+    save: str | os.PathLike | None = None,
+    show_progress: bool = True,
+) -> Atlas:
+    """Survey models on infinite lattices (see the module).
+
+    Arguments: models: names from `CATALOGUE`, all by default (and the law itself); dims; N horizons over spacing; law
+        linear (default λ = μ = 1); paths: names from `PATHS` (1D has but one); save: a JSON file kept up to date, and
+        gone on with if it is there and of the same settings.
+    Raises: ValueError for an unknown name, a file of other settings; OSError where it can't be written.
+    """
+    names = list(CATALOGUE) if models is None else [model_name(name) for name in models]
+    for name in paths:
+        choice("path", name, list(PATHS))
+    law = LinearElastic(lam=1.0, mu=1.0) if law is None else law  # type: ignore
+    result = Atlas(settings={"law": law_label(law), "paths": list(paths)})
+    if save is not None and writable(save).exists() and FilePath(save).stat().st_size:
+        result = Atlas.load(save)
+        if result.settings != {"law": law_label(law), "paths": list(paths)}:
+            raise ValueError(f"{save} holds an atlas of other settings, {result.settings}; name another file")
+    jobs = [(name, dim, n) for dim in dims for n in N for name in [LAW, *names]]
+    for name, dim, n in progress(jobs, len(jobs), "atlas", show_progress):
+        if result.find(name, dim, n) is None:
+            mine = ["hydrostatic"] if dim == 1 else list(paths)
+            result.records.append(_record(name, dim, n, law, mine, cost))
+            if save is not None:
+                result.save(save)
+    return result

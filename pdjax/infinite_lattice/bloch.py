@@ -1,0 +1,203 @@
+"""The symbol of an infinite lattice: its exact Jacobian, one d × d block for each wave vector.
+
+On a uniform lattice under x = F X the Jacobian is block-circulant, and its spectrum is that of
+
+    Ĵ(k) = Σ_η J⟨η⟩ e^{ik·η},   k in the Brillouin zone [−π/h, π/h]^d.
+
+By translation invariance one family is enough. With q_ξ = e^{ik·ξ} − 1 and C = ∂T/∂η of that family,
+
+    Ĵ(k) = −Σ_ξζ q̄_ξ V C_ξζ q_ζ.                                                            (any model)
+
+For a point-state model C_ξζ = δ_ξζ B_ξ + G_ξ R_ζ, and in a centro-symmetric family B is even, G and R odd; over half
+of it
+
+    Ĵ(k) = −[ Σ b_ξ c_ξ + (Σ g_ξ s_ξ)(Σ r_ξ s_ξ) ],   c = |q|² = 4 sin²(k·ξ/2),  s = sin k·ξ,
+    b = 2 V B,   g = 2 V G,   r = 2 R:
+
+(For a model whose states are not even the general sum stands.) A model of two stages, with H the Hessian of a bond's
+energy (its states are linear in η and add no curvature), couples the states of both ends, ρ = Σ r s:
+
+    Ĵ(k) = −[ Σ b c + (Σ g s) ρ + ρᵀ(Σ g s)ᵀ + ρᵀ (Σ H_here + H_there + (H_mixed + H_mixedᵀ) cos k·ξ) ρ ]
+
+In all, linearise once for each (model, F), then thousands of wave vectors are two matrix products with tables of c
+and s.
+As k = tN → 0, Ĵ/t² tends to the same formula with c = (N·ξ)², s = N·ξ: minus the acoustic tensor.
+Sources: Born & Huang 1954 for the method; this form for state-based peridynamics is derived here.
+"""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from ..force.fields import affine_stress
+from ..geometry.bonds import Family
+from ..models.base import AbstractModel, PointStateModel, TwoStageModel
+from ..tangent.linearise import TwoStage, family_tangent, linearise_states, linearise_two_stage
+
+
+class Phases(NamedTuple):
+    """A wave on the half family: c = |q|², s = Im q, even = Re q, and κ² of the lattice Laplacian [1/length²]."""
+
+    c: Float[Array, "*waves half"]
+    s: Float[Array, "*waves half"]
+    even: Float[Array, "*waves half"]
+    kappa2: Float[Array, "*waves"]
+
+
+def wave_phases(fam: Family, k: Float[Array, "*waves dim"]) -> Phases:
+    """Phases of wave vectors k [1/length]; κ² = Σ_i ((2/h) sin(k_i h/2))²."""
+    x = k @ fam.xi[: fam.xi.shape[0] // 2].T
+    c = 4 * jnp.sin(x / 2) ** 2
+    kappa2 = jnp.sum((2 / fam.spacing * jnp.sin(k * fam.spacing / 2)) ** 2, axis=-1)
+    return Phases(c, jnp.sin(x), -c / 2, kappa2)
+
+
+def long_wave_phases(fam: Family, direction: Float[Array, "*waves dim"]) -> Phases:
+    """The limit k → 0 along a direction (any length: the quotient by κ² does not depend on it)."""
+    x = direction @ fam.xi[: fam.xi.shape[0] // 2].T / fam.spacing
+    return Phases(x**2, x, jnp.zeros_like(x), jnp.sum(direction**2, axis=-1) / fam.spacing**2)
+
+
+def _components(tangent: Callable, phases: Phases) -> list[list[Array]]:
+    """Ĵ_ij of its symmetric part as separate (waves,) arrays."""
+    J = tangent(phases)
+    dim = J.shape[-1]
+    return [[(J[..., i, j] + J[..., j, i]) / 2 for j in range(dim)] for i in range(dim)]
+
+
+def _sums(t: "StateTangent | TwoStageTangent", phases: Phases) -> tuple[Array, Array, Array]:
+    """Σ b c, Σ g s and Σ r s over the half family."""
+    direct = jnp.einsum("...h,hij->...ij", phases.c, t.b)
+    left = jnp.einsum("...h,hir->...ir", phases.s, t.g)
+    right = jnp.einsum("...h,hrj->...rj", phases.s, t.r)
+    return direct, left, right
+
+
+class StateTangent(eqx.Module):
+    """b, g, r over the half family of a point-state model."""
+
+    b: Float[Array, "half dim dim"]
+    g: Float[Array, "half dim rank"]
+    r: Float[Array, "half rank dim"]
+
+    def __call__(self, phases: Phases) -> Float[Array, "*waves dim dim"]:
+        """Ĵ at every wave of `phases` [force/length^(dim+1)]."""
+        direct, left, right = _sums(self, phases)
+        return -(direct + left @ right)
+
+    def components(self, phases: Phases) -> list[list[Array]]:
+        """Ĵ_ij (upper triangle of its symmetric part) as separate (waves,) arrays: what a fast screen wants.
+
+        Two matrix products with the shared tables; the rest is elementwise and fuses.
+        """
+        half, dim, rank = self.g.shape
+        pairs = [(i, j) for i in range(dim) for j in range(i, dim)]
+        b = jnp.stack([(self.b[:, i, j] + self.b[:, j, i]) / 2 for i, j in pairs])
+        direct = b @ phases.c.T
+        odd = jnp.concatenate([self.g.reshape(half, -1), self.r.reshape(half, -1)], axis=1).T @ phases.s.T
+        waves = phases.s.shape[0]
+        left = odd[: dim * rank].reshape(dim, rank, waves)  # rank 0: springs have no state
+        right = odd[dim * rank :].reshape(rank, dim, waves)
+        out: list[list[Array]] = [[jnp.zeros(())] * dim for _ in range(dim)]
+        for n, (i, j) in enumerate(pairs):
+            product = sum(left[i, r] * right[r, j] + left[j, r] * right[r, i] for r in range(rank)) / 2
+            out[i][j] = out[j][i] = -(direct[n] + product)
+        return out
+
+
+class DenseTangent(eqx.Module):
+    """V C folded on the half family by parity, for models that give the energy alone."""
+
+    even: Float[Array, "half dim half dim"]
+    odd: Float[Array, "half dim half dim"]
+
+    def __call__(self, phases: Phases) -> Float[Array, "*waves dim dim"]:
+        cosine = jnp.einsum("...a,aibj,...b->...ij", phases.even, self.even, phases.even)
+        sine = jnp.einsum("...a,aibj,...b->...ij", phases.s, self.odd, phases.s)
+        return -(cosine + sine)
+
+    components = _components
+
+
+class TwoStageTangent(eqx.Module):
+    """b, g, r over the half family of a model of two stages, and the energy of its states: at rest, and by cos k·ξ."""
+
+    b: Float[Array, "half dim dim"]
+    g: Float[Array, "half dim rank"]
+    r: Float[Array, "half rank dim"]
+    level: Float[Array, "rank rank"]
+    mixed: Float[Array, "half rank rank"]
+
+    def __call__(self, phases: Phases) -> Float[Array, "*waves dim dim"]:
+        direct, left, state = _sums(self, phases)
+        inner = self.level + jnp.einsum("...h,hrs->...rs", phases.even, self.mixed)  # cos k·ξ = 1 + Re q
+        coupled = left @ state
+        return -(direct + coupled + coupled.mT + state.mT @ inner @ state)
+
+    components = _components
+
+
+Tangent = StateTangent | DenseTangent | TwoStageTangent
+
+
+def two_stage_tangent(t: TwoStage) -> TwoStageTangent:
+    """Fold the Hessians of a whole centro-symmetric family on its half."""
+    half = t.direct.shape[0] // 2
+    level = jnp.sum(t.here + t.there + t.mixed + t.mixed.mT, axis=0)
+    mixed = 2 * (t.mixed + t.mixed.mT)[:half]
+    return TwoStageTangent(
+        2 * t.direct[:half], 2 * (t.by_here + t.by_there)[:half], 2 * t.R[:, :half].transpose(1, 0, 2), level, mixed
+    )
+
+
+def homogeneous_tangent(model: AbstractModel, fam: Family, F: Float[Array, "dim dim"]) -> Tangent:
+    """Linearise a model once at x = F X; the result is called on `Phases`."""
+    bonds = fam.bonds(F)
+    half = fam.xi.shape[0] // 2
+    V = bonds.volume[0]
+    if model.needs_other_end and not model.even:
+        raise ValueError(
+            f"{type(model).__name__} needs the states of both ends and they are not even (ξ → −ξ): its symbol"
+            " is found by pdjax.cell_symbol of one point"
+        )
+    if isinstance(model, TwoStageModel):
+        return two_stage_tangent(linearise_two_stage(model, bonds))
+    if isinstance(model, PointStateModel) and model.even:
+        t = linearise_states(model, bonds, first=half)
+        # far-end states carry e^{ik·ξ}: by parity their G adds to the near one in (Σ g s)
+        return StateTangent(2 * V * t.B, 2 * V * (t.G + t.there), 2 * t.R.transpose(1, 0, 2))
+    C = V * family_tangent(model, bonds)
+    same, cross = C[:half, :, :half], C[:half, :, half:]
+    mirror, back = C[half:, :, half:], C[half:, :, :half]
+    return DenseTangent(same + cross + back + mirror, same - cross - back + mirror)
+
+
+def block_at_center(model: AbstractModel, fam: Family, F: Float[Array, "dim dim"]) -> Float[Array, "dim dim"]:
+    """∂f(X)/∂x(X) on an infinite lattice under x = F X (`pdjax.center_block`), unchecked, for drivers to trace."""
+    bonds = fam.bonds(F)
+    if isinstance(model, TwoStageModel):  # the mean of the symbol: exact, for no harmonic is higher than 3N
+        waves = np.stack(np.meshgrid(*[np.arange(3 * fam.reach + 1)] * fam.dim, indexing="ij"), axis=-1)
+        k = jnp.asarray(2 * np.pi / len(waves) * waves.reshape(-1, fam.dim), dtype=fam.xi.dtype) / fam.spacing
+        tangent = two_stage_tangent(linearise_two_stage(model, bonds))
+        return jnp.mean(tangent(wave_phases(fam, k)), axis=0)
+    if isinstance(model, PointStateModel):  # the same sums without ever forming C
+        t = linearise_states(model, bonds)
+        far = jnp.einsum("b,bir,rbj->ij", bonds.volume, t.G + t.there, t.R)
+        own = jnp.einsum("b,bir->ir", bonds.volume, t.G + t.there) @ t.R.sum(axis=1)
+        return -2 * jnp.einsum("b,bij->ij", bonds.volume, t.B) - own - far
+    C = family_tangent(model, bonds)
+    own = jnp.einsum("b,bicj->ij", bonds.volume, C)
+    return -own - jnp.einsum("b,bibj->ij", bonds.volume, C)
+
+
+@eqx.filter_jit
+def modulus_at_rest(model: AbstractModel, fam: Family) -> Float[Array, ""]:
+    """M = ∂P₁₁/∂F₁₁ at F = I [pressure], unchecked, for drivers to trace."""
+    I = jnp.eye(fam.dim, dtype=fam.xi.dtype)
+    axial = jnp.zeros_like(I).at[0, 0].set(1)
+    return jax.jvp(lambda F: affine_stress(model, fam, F), (I,), (axial,))[1][0, 0]

@@ -1,0 +1,136 @@
+"""The search over the Brillouin zone: where is a symbol's largest eigenvalue, or its largest quotient by M κ²?
+
+1. **Grid**: `intervals` steps from 0 to π/h along each axis, so that every half-reciprocal point (components 0 or
+   π/h) is on it exactly, reduced by the symmetry that the deformed lattice keeps. Closed-form eigenvalues of the d ×
+   d blocks screen it: they lose half the digits at a double root, so they only choose where to look.
+2. **Starts**: the best grid point nearest to each half-reciprocal point (for each sign of k), so that a narrow
+   maximum by one of them is not hidden by a higher one elsewhere, and the best one that is not next to the best of all;
+   moved off the grid, for half-reciprocal points are stationary by symmetry and may be saddles.
+3. **Refinement**: maximise eᵀA(k)e / eᵀe over k and e together, which is smooth even where eigenvalues cross, by
+   damped Newton steps on exact derivatives, all starts batched (`pdjax.infinite_lattice.climb`).
+4. **Decision**: `eigh` at the best point found, on the grid or off it.
+
+The limit k → 0 is searched the same way over directions.
+"""
+
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int
+
+from .._internal.checks import namespace
+
+SYMMETRIES = ("cubic", "tetragonal", "orthorhombic", "inversion")
+
+
+class Zone(NamedTuple):
+    """The reduced grid of a Brillouin zone, in units of 1/spacing, without k = 0; NumPy, fixed at trace time."""
+
+    grid: np.ndarray  # (waves, dim)
+    members: np.ndarray  # (classes, most) indices of the grid points of each class, padded with its first
+    axes: tuple[np.ndarray, ...]  # components along each axis of the box that the grid is a part of
+    places: np.ndarray  # (waves,) where the grid points stand in the flattened box
+    step: float
+    intervals: int
+    symmetry: str
+
+
+def default_intervals(N: float) -> int:
+    """Grid intervals over [0, π/h] for horizon ratio N: 8 a bond length, about 4 for each harmonic of Ĵ (up to 2N)."""
+    return 8 * int(np.ceil(N - 1e-9))
+
+
+@lru_cache(maxsize=64)
+def brillouin_zone(dim: int, intervals: int, symmetry: str = "inversion") -> Zone:
+    """The grid, reduced by what the deformed lattice keeps of the cubic symmetry.
+
+    symmetry: "cubic" (F a multiple of I), "tetragonal" (F diagonal, all but the first stretch equal), "orthorhombic"
+    (F diagonal), "inversion" (any F: Ĵ(−k) = Ĵ(k)).
+    """
+    steps = np.arange(intervals + 1)
+    whole = np.arange(-intervals + 1, intervals + 1) if symmetry == "inversion" else steps
+    axes = [steps] + [whole] * (dim - 1)
+    index = np.stack([g.reshape(-1) for g in np.meshgrid(*axes, indexing="ij")], axis=1)
+    kept = (index != 0).any(axis=1)
+    ordered = {"cubic": index, "tetragonal": index[:, 1:]}.get(symmetry)
+    if ordered is not None and ordered.shape[1] > 1:
+        kept &= (np.diff(ordered, axis=1) <= 0).all(axis=1)
+    places, index = np.flatnonzero(kept).astype(np.int32), index[kept]
+    nearest = (2 * np.abs(index) > intervals).astype(int)
+    sign = np.where(np.abs(index) % intervals == 0, 0, np.sign(index))
+    _, labels = np.unique(np.concatenate([nearest, sign < 0], axis=1), axis=0, return_inverse=True)
+    groups = [np.flatnonzero(labels == c) for c in range(labels.max() + 1)]
+    most = max(len(g) for g in groups)
+    members = np.stack([np.concatenate([g, np.full(most - len(g), g[0])]) for g in groups])
+    members = members.astype(np.int32)  # jax 0.10 keeps an int64 constant of a float64 run and fails in float32 on it
+    step = np.pi / intervals
+    scaled = tuple(np.pi * (axis / intervals) for axis in axes)  # π exactly at the corners
+    return Zone(np.pi * (index / intervals), members, scaled, places, step, intervals, symmetry)
+
+
+def half_reciprocal_points(dim: int) -> np.ndarray:
+    """The (2^dim − 1, dim) wave vectors with components 0 or π, not all 0, in units of 1/spacing."""
+    if dim not in (1, 2, 3):
+        raise ValueError(f"dim must be 1, 2 or 3; got {dim!r}")
+    corners = np.stack(np.meshgrid(*[(0.0, np.pi)] * dim, indexing="ij"), axis=-1)
+    return corners.reshape(-1, dim)[1:]
+
+
+@lru_cache(maxsize=8)
+def directions(dim: int) -> np.ndarray:
+    """Unit directions over half a circle or sphere, the axes among them (inversion does the rest)."""
+    if dim == 1:
+        return np.ones((1, 1))
+    if dim == 2:
+        angle = np.arange(48) * np.pi / 48
+        return np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    near = np.stack(np.meshgrid(*[np.arange(-4, 5)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
+    near = near[(np.abs(near).max(axis=1) == 4) & [tuple(v) > (0, 0, 0) for v in near]]
+    return near / np.linalg.norm(near, axis=1, keepdims=True)
+
+
+def largest_eigenvalue(A: list[list[Any]]) -> Any:
+    """Closed-form λ_max of symmetric 1×1, 2×2, 3×3 blocks given as separate arrays: a screen, not a verdict."""
+    xp = namespace(A)
+    if len(A) == 1:
+        return A[0][0]
+    if len(A) == 2:
+        mean, half = (A[0][0] + A[1][1]) / 2, (A[0][0] - A[1][1]) / 2
+        return mean + xp.sqrt(half**2 + A[0][1] ** 2)
+    mean = (A[0][0] + A[1][1] + A[2][2]) / 3
+    a, b, c = A[0][0] - mean, A[1][1] - mean, A[2][2] - mean
+    d, e, f = A[0][1], A[0][2], A[1][2]
+    p = xp.sqrt((a**2 + b**2 + c**2 + 2 * (d**2 + e**2 + f**2)) / 6)
+    det = a * (b * c - f**2) - d * (d * c - f * e) + e * (d * f - b * e)
+    cosine = xp.clip(det / (2 * xp.maximum(p**3, np.finfo(p.dtype).tiny)), -1, 1)  # a multiple of I: 0/tiny
+    return mean + 2 * p * xp.cos(xp.arccos(cosine) / 3)
+
+
+def top_pair(A: Float[Array, "dim dim"]) -> tuple[Array, Array]:
+    """The largest eigenvalue of a symmetric matrix and its unit eigenvector, by `eigh`."""
+    values, vectors = jnp.linalg.eigh((A + A.T) / 2)
+    return values[-1], vectors[:, -1]
+
+
+def class_best(zone: Zone, screen: Float[Any, " waves"]) -> Int[Any, " classes"]:
+    """The number of the best grid point of every class."""
+    xp = namespace(screen)
+    best = xp.argmax(screen[zone.members], axis=1)
+    return xp.take_along_axis(xp.asarray(zone.members), best[:, None], axis=1)[:, 0]
+
+
+def second_best(zone: Zone, screen: Float[Any, " waves"]) -> Int[Any, ""]:
+    """The number of the best grid point that is farther than 2½ steps from the best: on a ridge with two tops it may be
+    on the other. Waves k, −k and k + 2π/h are one."""
+    xp, grid = namespace(screen), zone.grid.astype(screen.dtype)
+    best = xp.asarray(grid)[xp.argmax(screen)]
+    away = [x - 2 * np.pi * xp.round(x / (2 * np.pi)) for x in (grid - best, grid + best)]
+    apart = [xp.max(abs(x), axis=1) > 2.5 * zone.step for x in away]
+    return xp.argmax(xp.where(apart[0] & apart[1], screen, -xp.inf))
+
+
+def nudge(dim: int, step: float) -> np.ndarray:
+    """A small move in general position, off whatever symmetry a grid point has."""
+    return step * np.array([0.29, 0.17, 0.11])[:dim]

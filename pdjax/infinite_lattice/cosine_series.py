@@ -1,0 +1,262 @@
+"""The symbol of any model as one cosine series: what a search of the Brillouin zone needs to know of a state.
+
+On a lattice of spacing h, with integer offsets o and x = h k,
+
+    Ĵ(x) = −Σ_o B_o c_o(x),    c_o = 4 sin²(o·x/2),    o over one half of the offsets that forces reach.
+
+B_o is the block of the Jacobian between points o apart, so B_o has the same meaning for every model. Products of the
+factors of a tangent (`pdjax.infinite_lattice.bloch`) are folded by
+
+    s_a s_b = (c_{a+b} − c_{a−b})/4,    c_a c_b = 2 c_a + 2 c_b − c_{a+b} − c_{a−b},    s = sin o·x.
+
+A model of two stages has products of three factors. Its blocks are found by a discrete Fourier transform of its symbol
+on a grid fine enough for the highest harmonic, which is exact to rounding.
+
+Ĵ and its derivatives in x are sums over the same blocks: `forms`. As x → 0 along N, Ĵ/|x|² tends to the series with
+c = (N·o)².
+"""
+
+from collections.abc import Callable
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from .._internal.checks import namespace
+from ..geometry.bonds import cells_within
+from .bloch import DenseTangent, Phases, StateTangent, Tangent, TwoStageTangent
+
+
+class Fold(NamedTuple):
+    """Where the products over a half family go: half offsets (offsets, dim), and the index of every own bond, of every
+    sum a + b and of every difference a − b among them; index `offsets` stands for the zero offset, which is dropped.
+    The three in `order` are sorted by that index, and `first` is where each begins."""
+
+    offsets: np.ndarray
+    own: np.ndarray
+    plus: np.ndarray
+    minus: np.ndarray
+    order: np.ndarray
+    first: np.ndarray
+
+
+@lru_cache(maxsize=32)
+def half_offsets(dim: int, bonds: int) -> np.ndarray:
+    """The integer offsets (bonds/2, dim) of the first half of a lattice family, told from its number of bonds."""
+    reach = 1
+    while len(cells_within(dim, reach)) < bonds:
+        reach += 1
+    cells = cells_within(dim, reach)
+    squares = np.sort((cells**2).sum(axis=1))
+    cells = cells[(cells**2).sum(axis=1) <= squares[bonds - 1]]
+    first = cells[len(cells) // 2 :]
+    return first[np.lexsort((*first.T[::-1], (first**2).sum(axis=1)))]
+
+
+def _canonical(offsets: np.ndarray) -> np.ndarray:
+    """Of o and −o the one whose first component that is not zero is positive."""
+    first = offsets[np.arange(len(offsets)), np.argmax(offsets != 0, axis=1)]
+    return offsets * np.where(first < 0, -1, 1)[:, None]
+
+
+@lru_cache(maxsize=32)
+def fold(dim: int, bonds: int) -> Fold:
+    """The two rings that a lattice family of `bonds` bonds reaches."""
+    half = half_offsets(dim, bonds)
+    pairs = [half, *((half[:, None] + s * half[None]).reshape(-1, dim) for s in (1, -1))]
+    everything = _canonical(np.concatenate(pairs))
+    unique, where = np.unique(everything, axis=0, return_inverse=True)
+    zero = int(np.flatnonzero((unique == 0).all(axis=1))[0])
+    place = np.where(where == zero, len(unique) - 1, where - (where > zero)).astype(np.int32).reshape(-1)
+    own, plus, minus = np.split(place, [len(half), len(half) + len(half) ** 2])
+    order = np.argsort(place, kind="stable")
+    return Fold(
+        np.delete(unique, zero, axis=0), own, plus, minus, order, np.searchsorted(place[order], np.arange(len(unique)))
+    )
+
+
+def reached(dim: int, bonds: int, rings: int) -> np.ndarray:
+    """Half of the offsets (offsets, dim) that the blocks of a series stand for: two rings of neighbours, or three."""
+    return fold(dim, bonds).offsets if rings <= 2 else _box(dim, 3 * int(np.abs(half_offsets(dim, bonds)).max()))
+
+
+@lru_cache(maxsize=8)
+def _box(dim: int, reach: int) -> np.ndarray:
+    """Half of all offsets with components up to `reach`."""
+    steps = np.arange(-reach, reach + 1)
+    every = np.stack([x.reshape(-1) for x in np.meshgrid(*[steps] * dim, indexing="ij")], axis=1)
+    return every[len(every) // 2 + 1 :]
+
+
+def rings_of(tangent: Tangent) -> int:
+    """How many rings of neighbours the blocks of a tangent reach."""
+    return 3 if isinstance(tangent, TwoStageTangent) else 2
+
+
+def series(tangent: Tangent, dim: int, bonds: int) -> Float[Any, "offsets dim dim"]:
+    """B of the module's text [force/length^(dim+1)] for one state of a lattice family of `bonds` bonds."""
+    if isinstance(tangent, TwoStageTangent):
+        return _by_transform(tangent, dim, bonds)
+    if isinstance(tangent, StateTangent):
+        return series_of_state(tangent.b, tangent.g, tangent.r)
+    assert isinstance(tangent, DenseTangent)
+    even, odd = (x.transpose(0, 2, 1, 3) / 4 for x in (tangent.even, tangent.odd))
+    return _sums(2 * (even.sum(axis=0) + even.sum(axis=1)), odd - even, -odd - even)
+
+
+def series_of_state(b: Any, g: Any, r: Any) -> Any:
+    """`series` of the parts of a `StateTangent`, in NumPy if they are known."""
+    plus = namespace(b).tensordot(g, r, axes=(2, 1)).transpose(0, 2, 1, 3) / 4
+    return _sums(b, plus, -plus)
+
+
+def _sums(own: Any, plus: Any, minus: Any) -> Any:
+    """The sum of the terms of every offset: of own bonds (half, dim, dim), of sums and of differences of two
+    (half, half, dim, dim)."""
+    xp, (half, dim, _) = namespace(own), own.shape
+    f = fold(dim, 2 * half)
+    terms = xp.concatenate([own, plus.reshape(-1, dim, dim), minus.reshape(-1, dim, dim)])
+    if xp is np:
+        return np.add.reduceat(terms[f.order], f.first)[:-1]
+    place = np.concatenate([f.own, f.plus, f.minus])
+    return jnp.zeros((len(f.first), dim, dim), terms.dtype).at[place].add(terms)[:-1]
+
+
+def _by_transform(tangent: TwoStageTangent, dim: int, bonds: int) -> Float[Array, "offsets dim dim"]:
+    half = half_offsets(dim, bonds)
+    reach = 3 * int(np.abs(half).max())
+    size = 2 * reach + 1
+    waves = np.stack([x.reshape(-1) for x in np.meshgrid(*[np.arange(size)] * dim, indexing="ij")], axis=1)
+    angle = jnp.asarray(2 * np.pi / size * ((waves @ half.T) % size), tangent.b.dtype)
+    c = 4 * jnp.sin(angle / 2) ** 2
+    values = tangent(Phases(c, jnp.sin(angle), -c / 2, c[:, 0]))
+    blocks = jnp.fft.ifftn(values.reshape(*[size] * dim, dim, dim), axes=tuple(range(dim))).real
+    return blocks[tuple((_box(dim, reach) % size).astype(np.int32).T)]
+
+
+class Forms(NamedTuple):
+    """A symmetric matrix function A(x) and a scale κ²(x), each with its first and second derivatives in x."""
+
+    A: Float[Any, "*lanes dim dim"]
+    A1: Float[Any, "*lanes dim dim dim"]
+    A2: Float[Any, "*lanes dim dim dim dim"]
+    scale: Float[Any, "*lanes"]
+    scale1: Float[Any, "*lanes dim"]
+    scale2: Float[Any, "*lanes dim dim"]
+
+
+@lru_cache(maxsize=4)
+def upper(dim: int) -> tuple[tuple[np.ndarray, np.ndarray], np.ndarray]:
+    """The upper triangle's indices, and the place (dim, dim) of every entry in it."""
+    rows, columns = (x.astype(np.int32) for x in np.triu_indices(dim))  # jax 0.10 fails on int64 ones in float32 runs
+    place = np.zeros((dim, dim), dtype=np.int32)
+    place[rows, columns] = place[columns, rows] = np.arange(len(rows))
+    return (rows, columns), place
+
+
+def packed(blocks: Any) -> Any:
+    """The upper triangle (*states, offsets, p) of the symmetric part of every block (*states, offsets, dim, dim)."""
+    (rows, columns), _ = upper(blocks.shape[-1])
+    return (blocks[..., rows, columns] + blocks[..., columns, rows]) / 2
+
+
+def entries(values: Float[Any, "p *waves"], dim: int) -> list[list[Any]]:
+    """The entries of packed matrices as a matrix of arrays."""
+    _, place = upper(dim)
+    return [[values[place[i, j]] for j in range(dim)] for i in range(dim)]
+
+
+class Series(NamedTuple):
+    """What `forms` sums for many states at once: B, o B and o o B (upper triangles), and the offsets."""
+
+    zeroth: Float[Any, "states offsets p"]
+    first: Float[Any, "states offsets dim_p"]
+    second: Float[Any, "states offsets p_p"]
+    offsets: Any
+
+    @staticmethod
+    def of(blocks: Any, offsets: np.ndarray) -> "Series":
+        (rows, columns), _ = upper(offsets.shape[1])
+        o = offsets.astype(blocks.dtype)
+        oo = o[:, rows] * o[:, columns]
+        shape = (*blocks.shape[:2], -1)
+        first = (o[None, :, :, None] * blocks[:, :, None, :]).reshape(shape)
+        return Series(blocks, first, (oo[None, :, :, None] * blocks[:, :, None, :]).reshape(shape), o)
+
+
+def forms(s: Series, x: Any, long: np.ndarray, bare: np.ndarray) -> Forms:
+    """A = Ĵ (symmetric part) and κ² = Σ 4 sin²(x_i/2) with derivatives, at x (states, lanes, dim) [1/spacing].
+
+    `long` (lanes,): the limit x → 0 along x instead, with κ² = |x|²; `bare` (lanes,): κ² = 1 instead.
+    """
+    xp, dim = namespace(s, x), x.shape[-1]
+    angle = x @ s.offsets.T
+    far = long[:, None]
+    half, turn = xp.sin(angle / 2), xp.sin(angle)
+    c = xp.where(far, angle**2, 4 * half**2)
+    c1 = xp.where(far, 2 * angle, 2 * turn)
+    c2 = xp.where(far, 2.0, 2 - 4 * half**2)
+    _, place = upper(dim)
+    A = -(c @ s.zeroth)[..., place]
+    A1 = -(c1 @ s.first).reshape(*x.shape[:-1], dim, -1)[..., place]
+    A2 = -(c2 @ s.second).reshape(*x.shape[:-1], len(s.zeroth[0, 0]), -1)[..., place, :][..., place]
+    return Forms(A, A1, A2, *_laplacian(x, far, bare[:, None]))
+
+
+def _laplacian(x: Any, far: np.ndarray, bare: np.ndarray) -> tuple[Any, Any, Any]:
+    xp = namespace(x)
+    eye = xp.eye(x.shape[-1], dtype=x.dtype)
+    each = xp.where(far, x**2, 4 * xp.sin(x / 2) ** 2)
+    slope = xp.where(far, 2 * x, 2 * xp.sin(x))
+    curvature = xp.where(far, 2.0, 2 * xp.cos(x))
+    value = xp.where(bare[:, 0], 1.0, each.sum(axis=-1))
+    return value, xp.where(bare, 0.0, slope), xp.where(bare, 0.0, curvature)[..., None] * eye
+
+
+def on_grid(blocks: Float[Any, "offsets p"], offsets: np.ndarray, axes: list[np.ndarray]) -> Float[Any, "p *grid"]:
+    """Ĵ (entries of `blocks`) on the grid of wave vectors with the components `axes` [1/spacing], axis by axis.
+
+    The sum over offsets is a product of one matrix for each axis: its cost doesn't grow as grid × offsets.
+    """
+    xp, real = namespace(blocks), blocks.dtype
+    reach, dim = int(np.abs(offsets).max()), offsets.shape[1]
+    size = 2 * reach + 1
+    place = np.full(size**dim, len(offsets) + 1, np.int32)  # of no offset, but the zero offset and its mirror images
+    place[size**dim // 2] = len(offsets)
+    for sign in (1, -1):
+        place[np.ravel_multi_index((sign * offsets + reach).T, [size] * dim)] = np.arange(len(offsets))
+    padded = xp.concatenate([blocks, -2 * blocks.sum(axis=0)[None], xp.zeros((1, blocks.shape[1]), real)])
+    box = padded[place].T.reshape(-1, *[size] * dim)
+    steps = np.arange(-reach, reach + 1)
+    waves = [np.outer(steps, axis) for axis in axes]
+    tables = [(np.cos(x).astype(real), np.sin(x).astype(real)) for x in waves]
+    cos, sin = tables[-1]
+    even, odd = box @ cos, box @ sin  # the real part of the transform and minus the imaginary one
+    if dim == 1:
+        return even
+    for cos, sin in tables[-2:0:-1]:
+        even, odd = cos.T @ even - sin.T @ odd, sin.T @ even + cos.T @ odd
+    cos, sin = tables[0]
+    flat = (len(box), size, -1)
+    return (cos.T @ even.reshape(flat) - sin.T @ odd.reshape(flat)).reshape(len(box), -1, *even.shape[2:])
+
+
+def symbols(blocks: np.ndarray, offsets: np.ndarray, x: np.ndarray) -> np.ndarray:
+    """Ĵ (..., dim, dim) of concrete blocks at x = h k (..., dim), in NumPy."""
+    return _summed(lambda part: -4 * np.sin(part @ offsets.T / 2) ** 2, blocks, x)
+
+
+def symbol_slopes(blocks: np.ndarray, offsets: np.ndarray, x: np.ndarray) -> np.ndarray:
+    """∂Ĵ/∂x (..., dim, dim, dim of x) of concrete blocks at x = h k (..., dim), in NumPy."""
+    outer = blocks[..., None] * offsets[:, None, None, :]
+    return _summed(lambda part: -2 * np.sin(part @ offsets.T), outer, x)
+
+
+def _summed(factor: Callable, terms: np.ndarray, x: np.ndarray) -> np.ndarray:
+    """Σ_o factor_o(x) terms_o, a few thousand waves at once."""
+    dim = x.shape[-1]
+    parts = np.array_split(x.reshape(-1, dim), max(1, x.size // (dim * 4096)))
+    values = [np.tensordot(factor(part), terms, axes=(-1, 0)) for part in parts]
+    return np.concatenate(values).reshape(*x.shape[:-1], *terms.shape[1:])

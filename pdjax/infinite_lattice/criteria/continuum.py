@@ -1,0 +1,54 @@
+"""The continuum test: the block ∂f/∂x at a point as h → 0 at fixed horizon.
+
+There only the stress term survives, −2 ∫ B dξ, with B = ∂t/∂η at fixed point state. It factors into a positive
+radial integral ∫ω r^{d−3} dr (which even diverges in 1D and 2D: only the sign means anything) and an average over
+directions, taken here by quadrature over the circle or sphere, which is a family like any other. For Seth–Hill under
+hydrostatic strain the margin has the sign of −aΓ(m). Source: Behzadinasab & Foster, Eqs. dfcontinuum to gammaCondition.
+"""
+
+from functools import lru_cache
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from ...geometry.bonds import Bonds, Family
+from ...models.base import AbstractModel, PointStateModel
+from ...tangent.linearise import linearise_states
+from ..bloch import modulus_at_rest
+from .outcome import Outcome, decide
+
+
+@lru_cache(maxsize=8)
+def sphere_rule(dim: int) -> tuple[np.ndarray, np.ndarray]:
+    """Unit directions (q, dim) and weights (q,) summing to 1: exact to rounding for smooth angular functions."""
+    if dim == 1:
+        return np.array([[1.0], [-1.0]]), np.array([0.5, 0.5])
+    turn = (np.arange(64) + 0.5) * 2 * np.pi / 64
+    circle = np.stack([np.cos(turn), np.sin(turn)], axis=1)
+    if dim == 2:
+        return circle, np.full(64, 1 / 64)
+    z, wz = np.polynomial.legendre.leggauss(24)
+    ring = np.sqrt(1 - z**2)[:, None, None] * circle[None]
+    points = np.concatenate([ring, np.broadcast_to(z[:, None, None], (24, 64, 1))], axis=2)
+    return points.reshape(-1, 3), np.repeat(wz / 2 / 64, 64)
+
+
+def continuum(model: AbstractModel, fam: Family, F: Float[Array, "dim dim"], at=None) -> Outcome:
+    """λ_max(−2 Σ_n weight · B(n)) / M with unit bonds; the discretisation of `fam` plays no part but through M."""
+    if not isinstance(model, PointStateModel) or getattr(getattr(model, "base", model), "control", None) is not None:
+        raise ValueError(
+            "criterion 'continuum' takes B(ξ) of one bond for all lengths: it needs a model with a point state and no"
+            f" control of zero-energy modes; got {type(model).__name__}"
+        )
+    points, weights = sphere_rule(fam.dim)
+    xi = jnp.asarray(points, dtype=fam.xi.dtype)
+    omega: Array = jnp.asarray(weights, dtype=fam.xi.dtype)
+    bonds = Bonds(xi, xi @ (F - jnp.eye(fam.dim, dtype=F.dtype)).T, omega, jnp.ones_like(omega), jnp.ones((), xi.dtype))
+    value, mode = decide(-2 * jnp.sum(linearise_states(model, bonds).B, axis=0), at)
+    unit = modulus_at_rest(model, fam)
+    still, held, fixed = jax.lax.stop_gradient((model, bonds, unit))
+    tension = jnp.linalg.norm(still.force_state(held), axis=1) / jnp.linalg.norm(held.xi + held.eta, axis=1)
+    scale = 2 * jnp.sum(tension) / fixed  # of the terms that cancel where Γ(m) = 0
+    return Outcome(value / unit, value, mode, scale=scale, at=mode)

@@ -1,0 +1,69 @@
+"""The symbol's verdict on a model without an energy, whose Ĵ(k) is real but not symmetric.
+
+A mode of Ĵ x = λ x moves as e^{st}, s² = λ/ρ, so it grows at Re √(λ/ρ): at √(λ/ρ) for λ > 0, and for every λ that is
+not real (flutter). What is compared is
+
+    γ² = λ for real λ,   (Re √λ)² otherwise        (real: |Im λ| ≤ 1e-7 ‖Ĵ‖, for a double root splits by √eps)
+
+margin = sup over k of γ²/(M κ²), over the grid and the limit k → 0. There is no climb off the grid, for γ² jumps where
+two real roots meet; the derivative is that of the eigenvalue found, yᴴ(∂Ĵ)x/(yᴴx) with its left and right vectors.
+The eigenvalue reported of an unstable state is the largest γ² of the grid: √(γ²/ρ) is the rate. `jnp.linalg.eig` runs
+on the CPU alone.
+"""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Complex, Float
+
+from ..bloch import Phases, Tangent
+from ..brillouin import Zone, directions
+from ..cosine_series import on_grid
+
+REAL = 1e-7
+
+
+def growth_square(value: Complex[Array, "..."], size: Float[Array, "..."]) -> Float[Array, "..."]:
+    """γ² of eigenvalues λ of matrices of norm `size`."""
+    real = jnp.abs(value.imag) <= REAL * size
+    safe = jnp.where(real, -1.0, value)
+    return jnp.where(real, value.real, jnp.sqrt(safe).real ** 2)
+
+
+def _fastest(J: Float[Array, "*waves dim dim"]) -> Float[Array, "*waves"]:
+    """The largest γ² of each wave."""
+    squares = growth_square(jnp.linalg.eigvals(J), jnp.linalg.norm(J, axis=(-2, -1))[..., None])
+    return jnp.max(squares, axis=-1)
+
+
+def _pair(J: Float[Array, "dim dim"]) -> tuple[Array, Array]:
+    """Right and left vectors of the eigenvalue with the largest γ²."""
+    values, right = jnp.linalg.eig(J)
+    which = jnp.argmax(growth_square(values, jnp.linalg.norm(J)))
+    return right[:, which], jnp.linalg.inv(right)[which]
+
+
+def search(blocks: Float[Array, "offsets dim dim"], offsets: np.ndarray, zone: Zone) -> tuple[tuple, tuple, Array]:
+    """Where the margin is, (wave x [1/spacing], is it the limit k → 0, right and left vectors); where γ² itself is
+    largest, (wave, right, left); the largest |quotient| on the grid. `blocks`: the cosine series in units of M/h²."""
+    dim, real = offsets.shape[1], blocks.dtype
+    grid, compass = jnp.asarray(zone.grid, real), jnp.asarray(directions(dim), real)
+    short = on_grid(blocks.reshape(len(offsets), -1), offsets, list(zone.axes)).reshape(dim * dim, -1)[:, zone.places]
+    long = -((compass @ jnp.asarray(offsets, real).T) ** 2) @ blocks.reshape(len(offsets), -1)
+    J = jnp.concatenate([short.T, long]).reshape(-1, dim, dim)
+    unit = jnp.concatenate([jnp.sum(4 * jnp.sin(grid / 2) ** 2, axis=1), jnp.ones(len(compass), real)])
+    square = _fastest(J)
+    square = jnp.where(jnp.isnan(square), -jnp.inf, square)
+    screen = square / unit
+    i = jnp.argmax(screen)
+    j = jnp.argmax(square[: len(grid)])
+    wave = jnp.concatenate([grid, compass])[i]
+    margin, fastest = (wave, i >= len(grid), *_pair(J[i])), (grid[j], *_pair(J[j]))
+    return margin, fastest, jnp.max(jnp.abs(screen[: len(grid)]))
+
+
+def quotient(tangent: Tangent, phases: Phases, right: Complex[Array, " dim"], left: Complex[Array, " dim"]) -> Array:
+    """γ² of the eigenvalue with these vectors; differentiable once in the tangent."""
+    J = tangent(phases)
+    value = (left @ J.astype(right.dtype) @ right) / (left @ right)
+    return growth_square(value, jax.lax.stop_gradient(jnp.linalg.norm(J)))

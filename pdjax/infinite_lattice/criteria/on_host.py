@@ -1,0 +1,120 @@
+"""The criteria of concrete models on concrete families: numbers from one small program, the rest NumPy.
+
+    linearised states (`pdjax.infinite_lattice.lattice_states`)  →  symbol: a search of the Brillouin zone
+                                                →  diagonal, block: sums of the same blocks
+
+The search of up to STATES states is NumPy. For maps, which have thousands, it is one program for all models.
+
+Every other criterion is one program of its own, for STATES states at once. Under a transformation the criteria are
+traced as they are (`pdjax.infinite_lattice.criteria.evaluate`).
+"""
+
+from collections.abc import Callable
+from functools import lru_cache, partial
+from typing import Any
+
+import equinox as eqx
+import jax
+import numpy as np
+
+from ..._internal.checks import computed_in_double
+from ...geometry.bonds import Family
+from ...models.base import AbstractModel
+from ..brillouin import Zone, brillouin_zone
+from ..cosine_series import packed, reached
+from ..lattice_states import STATES, States, check_at_rest, checked_states, has_series, rings
+from .outcome import Outcome, margin_tolerance
+from .waves import Found, search, search_few
+
+MANY = {1: 64, 2: 256, 3: 64}  # states that climb together in a map: measured fastest of 16, 64, 256, 1024
+
+
+@lru_cache(maxsize=64)
+def _search(dim: int, bonds: int, rings: int, intervals: int, symmetry: str) -> Any:
+    """The search of many states as one program: its sizes are all it is made for."""
+    offsets, zone = reached(dim, bonds, rings), brillouin_zone(dim, intervals, symmetry)
+    return jax.jit(partial(search, offsets=offsets, zone=zone, group=MANY[dim]))
+
+
+def searched(states: States, model: AbstractModel, fam: Family, zone: Zone) -> Found:
+    """Where the searches of all states ended, in NumPy."""
+    scaled = packed(states.scaled)
+    if len(scaled) <= STATES:
+        return search_few(scaled, states.offsets, zone)
+    count, many = len(scaled), MANY[fam.dim]
+    padded = np.zeros((-(-count // many) * many, *scaled.shape[1:]), scaled.dtype)
+    padded[:count] = scaled
+    program = _search(fam.dim, len(fam.influence), rings(model), zone.intervals, zone.symmetry)
+    return Found(*(x[:count] for x in computed_in_double(program, padded, np.asarray(count))))
+
+
+def _work(blocks: np.ndarray, offsets: np.ndarray, x: Any, is_long: Any, v: Any) -> tuple:
+    """(vᵀ Ĵ v, κ²) of every state at its own x [1/spacing], in the units of the blocks."""
+    angle = x @ offsets.T
+    c = np.where(is_long[:, None], angle**2, 4 * np.sin(angle / 2) ** 2)
+    kappa2 = np.where(is_long[:, None], x**2, 4 * np.sin(x / 2) ** 2).sum(axis=1)
+    return -np.einsum("so,si,soij,sj->s", c, v, blocks, v), kappa2
+
+
+def from_states(criterion: str, model: AbstractModel, fam: Family, states: States, zone: Zone) -> Outcome | None:
+    """The named criterion of linearised states, in NumPy; None if it needs more than their series."""
+    if criterion not in FROM_STATES or not has_series(model) or (criterion == "symbol" and not model.hyperelastic):
+        return None
+    return FROM_STATES[criterion](model, fam, states, zone)
+
+
+def _symbol(model: AbstractModel, fam: Family, states: States, zone: Zone) -> Outcome:
+    found = searched(states, model, fam, zone)
+    M, h = states.modulus, states.spacing
+    work, kappa2 = _work(states.blocks, states.offsets, found.x, found.is_long, found.mode)
+    margin = work * h**2 / (M * kappa2)
+    never = np.zeros(len(work), bool)
+    growth, _ = _work(states.blocks, states.offsets, found.fast_x, never, found.fast_mode)
+    unstable = margin > margin_tolerance(fam.xi.dtype, found.scale)
+    eigenvalue = np.where(unstable, growth, np.where(found.is_long, 0.0, work))
+    x, mode = (np.where(unstable[:, None], a, b) for a, b in ((found.fast_x, found.x), (found.fast_mode, found.mode)))
+    k = np.where((found.is_long & ~unstable)[:, None], 0.0, x)
+    k = k - 2 * np.pi * np.round(k / (2 * np.pi))  # climbs may end in the next zone: the same wave
+    direction = x / np.linalg.norm(x, axis=1, keepdims=True)
+    return Outcome(margin, eigenvalue, mode, k / h, direction, found.scale, tuple(found))
+
+
+def _of_blocks(model: AbstractModel, fam: Family, states: States, zone: Zone, whole: bool) -> Outcome:
+    D = -2 * states.blocks.sum(axis=1)
+    if whole:
+        symmetric = np.where(np.isfinite(D), (D + D.transpose(0, 2, 1)) / 2, 0.0)
+        mode = np.linalg.eigh(symmetric)[1][..., -1]
+    else:
+        mode = np.eye(fam.dim)[np.argmax(np.einsum("sii->si", D), axis=1)]
+    value = np.einsum("si,sij,sj->s", mode, D, mode)
+    margin = value / (np.asarray(states.modulus) * 2 * fam.dim / states.spacing**2)
+    return Outcome(margin, value, mode, scale=np.ones(len(D)), at=mode)
+
+
+FROM_STATES: dict[str, Callable[[AbstractModel, Family, States, Zone], Outcome]] = {
+    "symbol": _symbol,
+    "diagonal": partial(_of_blocks, whole=False),
+    "block": partial(_of_blocks, whole=True),
+}
+
+
+@eqx.filter_jit
+def _traced(criterion: str, model: AbstractModel, fam: Family, F, intervals: int, symmetry: str) -> Outcome:
+    from . import evaluate
+
+    zone = brillouin_zone(fam.dim, intervals, symmetry)
+    return jax.vmap(lambda F: evaluate(criterion, model, fam, F, zone, fastest=True))(F)
+
+
+def outcomes(criterion: str, model: AbstractModel, fam: Family, F: np.ndarray, zone: Zone) -> Outcome:
+    """The named criterion at the deformations F (states, dim, dim), at most STATES: an `Outcome` of NumPy arrays with
+    a leading axis. Checks the family and the resting state first."""
+    if criterion in FROM_STATES and has_series(model):
+        out = from_states(criterion, model, fam, checked_states(model, fam, F), zone)
+        if out is not None:
+            return out
+    check_at_rest(model, fam)
+    padded = np.broadcast_to(np.eye(fam.dim), (STATES, fam.dim, fam.dim)).copy()
+    padded[: len(F)] = F
+    out = computed_in_double(_traced, criterion, model, fam, padded, zone.intervals, zone.symmetry)
+    return jax.tree.map(lambda x: np.broadcast_to(x, (STATES,))[: len(F)] if np.ndim(x) == 0 else x[: len(F)], out)

@@ -1,0 +1,103 @@
+"""What the ways take on trust of a model, tried on one random bond before a model of the user's own goes by them.
+
+`additive`, `even` and `degree` let a sum over bonds be halved or carried out by FFT; one that does not hold gives a
+wrong force without a sign of it. The package's own models are held to theirs by the tests.
+"""
+
+import math
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from .._internal.checks import is_concrete
+from ..geometry.bonds import Bonds
+from .base import PointStateModel, Sums
+
+_MEANING = {
+    "additive": "a bond's force is linear in the point state and t(A, −ξ, −η) = −t(A, ξ, η)",
+    "even": "what a bond adds to the sums is the same for −ξ, −η",
+    "degree": "moments are polynomials in η of that degree and the bond force one of degree 1, both in proportion to ω",
+}
+_KNOWN: set[Any] = set()  # what kept its promises
+
+
+def _own(model: Any) -> bool:
+    """Whether the model, and every part of it, comes with the package."""
+    parts = jax.tree.leaves(model, is_leaf=lambda x: x is not model and isinstance(x, eqx.Module))
+    mine = type(model).__module__.startswith("pdjax.")
+    return mine and all(_own(part) for part in parts if isinstance(part, eqx.Module))
+
+
+def _off(found: Any, expected: Any) -> Array:
+    """Largest difference of two trees over the largest entry."""
+    a, b = (jnp.concatenate([jnp.zeros(1), *(jnp.ravel(x) for x in jax.tree.leaves(t))]) for t in (found, expected))
+    return jnp.max(jnp.abs(a - b)) / jnp.maximum(jnp.maximum(jnp.max(jnp.abs(a)), jnp.max(jnp.abs(b))), 1e-30)
+
+
+@eqx.filter_jit
+def _deviations(model: PointStateModel, dim: int) -> dict[str, Array]:
+    """How far the promises that the model makes are from true."""
+    draw = iter(np.random.default_rng(1).normal(size=64))
+    xi, eta = (scale * jnp.asarray([next(draw) for _ in range(dim)]) for scale in (1.0, 0.05))
+    one = jnp.ones(())
+    bond = Bonds(xi, eta, one, one, jnp.asarray(3.0))
+    mirrored, heavier = bond._replace(xi=-xi, eta=-eta), bond._replace(omega=2 * one)
+    summed = model.moments(bond)
+    shapes = jax.eval_shape(lambda s: model.state(Sums(s[0], s[1], bond.horizon, dim)), summed)
+    states = [jax.tree.map(lambda x, k=k: jnp.sin(k + jnp.arange(x.size, dtype=x.dtype)).reshape(x.shape), shapes)
+              for k in (1.0, 2.0)]  # fmt: skip
+
+    def t(state, bond):
+        return model.bond_force(state, state, bond)
+
+    def flat(function, degree):
+        """The difference of order degree + 1 along η, which a polynomial does not have."""
+        points = [function(bond._replace(eta=k * eta)) for k in range(degree + 2)]
+        signs = [(-1) ** k * math.comb(degree + 1, k) for k in range(degree + 2)]
+        total = jax.tree.map(lambda *x: sum(s * y for s, y in zip(signs, x, strict=True)), *points)
+        return _off(jax.tree.map(jnp.add, total, points[-1]), points[-1])
+
+    out = {}
+    a, b = states
+    if model.additive:
+        both = jax.tree.map(jnp.add, a, b)
+        linear = _off(t(both, bond), t(a, bond) + t(b, bond)) if jax.tree.leaves(a) else jnp.zeros(())
+        out["additive"] = jnp.maximum(linear, _off(t(a, mirrored), -t(a, bond)))
+    if model.additive and model.even:
+        out["even"] = _off(model.moments(mirrored), summed)
+    if model.additive and model.degree:
+        doubled = jax.tree.map(lambda x: 2 * x, (summed, t(a, bond)))
+        parts = [
+            flat(lambda x: model.moments(x)[1], model.degree),
+            flat(lambda x: t(a, x), 1),
+            _off((model.moments(heavier), t(a, heavier)), doubled),
+        ]
+        out["degree"] = jnp.max(jnp.stack(parts))
+    return out
+
+
+def check_promises(model: PointStateModel, dim: int) -> None:
+    """Refuse a model that breaks a promise which the ways rely on; of a model known by its values only.
+
+    Raises: ValueError naming the promise, what it means, and what to declare instead.
+    """
+    if not is_concrete(model) or _own(model):
+        return
+    leaves, structure = jax.tree.flatten(model)
+    key = (structure, dim, tuple(np.asarray(x).tobytes() for x in leaves))
+    if key in _KNOWN:
+        return
+    with jax.core.eval_context():  # the values are known even while something else is traced
+        for promise, off in _deviations(model, dim).items():
+            if float(off) > 1e-3 * float(jnp.finfo(jnp.result_type(float)).eps) ** 0.25:
+                instead = 0 if promise == "degree" else False
+                name = type(model).__name__
+                raise ValueError(
+                    f"{name} promises {promise} = {getattr(model, promise)}, that is: {_MEANING[promise]};"
+                    f" on a random bond it is {float(off):.1g} off, relatively: declare {promise} = {instead}"
+                )
+    _KNOWN.add(key)

@@ -1,0 +1,110 @@
+"""What the closed forms share: the key of the slips, checks of arguments, smooth quotients, lattice bonds.
+
+    E_m(a) = ((1 + a)^{2m} − 1)/(2m) = L (e^x − 1)/x,   L = log(1 + a), x = 2mL
+    edge:    c₁ (1 + a)^{2m} + c₂ E_m(a) = 0   ⇔   log(1 + a) = −z log(1 + t)/t,  z = c₁/c₂, t = 2mz
+
+Both quotients are smooth through 0, where m = 0 (Hencky) sits; the first is `kinematics.seth_hill`.
+
+Symbols: a hydrostatic strain, F = (1 + a) I; m order of the strain measure; N = δ/h horizon over spacing.
+"""
+
+from collections.abc import Collection
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from ..._internal.checks import choice, is_concrete
+from ...geometry.bonds import cells_within
+from ...models.kinematics import seth_hill
+
+FORMS = ("printed", "corrected")
+
+SLIPS = {
+    "S1": "2D weighted volume: δ = NΔX gives πN²ΔX²b, so π²N² and πN should read π²N⁴ and πN²",
+    "S2": "2D lattice sums: four times the quadrant counts the axis points twice; the sums are finite anyway",
+    "S3": "2D law: S = κE for hydrostatic E goes with ∂S/∂E = (κ/2) δδ or κ I_sym, not κ δδ",
+    "S4": "2D: 1/(2m) becomes 1/m between the general and the hydrostatic formula; 2πN should be πN",
+    "S5": "the quoted 2D critical load −0.037 (m = 1, N = 3) is not a root of the printed criterion",
+    "S6": "dT·dY of the moved centre: the sign is wrong, and a summed index stands for the moved coordinate",
+    "S11": "the mean of ξ_k²/|ξ|² is 1/3 in 3D: Γ ∝ 2m + 1, m_cr = −1/2",
+    "S12": "nonlocal strain = local strain for m = 1 and for similarities, else to first order only",
+    "S13": "2D criteria: the bracket must be positive, not negative, for stability",
+    "S14": "2D criterion at m = 0: the limit m → 0 is 1 (always satisfied), not 1 + 2πN log(1 + a)",
+    "S15": "static equation: the two force states of a bond add; as printed the integrand is zero",
+}
+
+
+def check_dim(dim: int) -> int:
+    """`dim` if it is 1, 2 or 3; else ValueError."""
+    if dim not in (1, 2, 3):
+        raise ValueError(f"dim must be 1, 2 or 3; got {dim!r}")
+    return int(dim)
+
+
+def check_form(form: str) -> str:
+    """`form` if it is "printed" or "corrected"; else ValueError."""
+    return choice("form", form, FORMS)
+
+
+def corrected_slips(form: str | Collection[str], known: tuple[str, ...]) -> frozenset[str]:
+    """The slips to correct: none for "printed", all of `known` for "corrected", or those named in `form`."""
+    if isinstance(form, str):
+        return frozenset(known if check_form(form) == "corrected" else ())
+    unknown = sorted(set(form) - set(known))
+    if unknown:
+        raise ValueError(f"form must be printed, corrected or slips out of {', '.join(known)}; got {unknown}")
+    return frozenset(form)
+
+
+def check_load(a: Any) -> jax.Array:
+    """`a` as an array; ValueError where a ≤ −1 (matter collapsed or inverted), if it can be seen."""
+    if is_concrete(a) and not np.all(np.asarray(a) > -1):
+        raise ValueError(f"a must be > -1 for the stretch 1 + a to be positive; got {a!r}")
+    return jnp.asarray(a, dtype=jnp.result_type(a, float))
+
+
+def check_ratio(N: Any, whole: bool = False) -> float:
+    """`N` if it is a finite number ≥ 1 (a whole one where asked); else ValueError."""
+    if not is_concrete(N) or np.ndim(N) != 0 or not np.isfinite(N) or N < 1:
+        raise ValueError(f"N = horizon/spacing must be a number >= 1, known before tracing; got {N!r}")
+    if whole and float(N) != int(N):
+        raise ValueError(f"N = horizon/spacing must be a whole number in this closed form; got {N!r}")
+    return int(N) if float(N) == int(N) else float(N)
+
+
+def _log1p_over(x):
+    """log(1 + x)/x, or its Taylor polynomial within 0.05: smooth, with smooth derivatives, through 0."""
+    near = jnp.abs(x) < 0.05
+    series = jnp.polyval(jnp.asarray(_LOG1P, dtype=x.dtype), jnp.where(near, x, 0.0))
+    far = jnp.where(near, 1.0, x)
+    return jnp.where(near, series, jnp.log1p(far) / far)
+
+
+# Truncation at the switch: 0.05^12/13 = 2e-17, below float64 rounding.
+_LOG1P = ((-1.0) ** np.arange(12) / np.arange(1.0, 13.0))[::-1]
+
+
+def hydrostatic_strain(a: jax.Array, m: Any) -> jax.Array:
+    """E_m(a) = ((1 + a)^{2m} − 1)/(2m), smooth through m = 0, where it is log(1 + a)."""
+    return seth_hill(jnp.log1p(a), m)
+
+
+def edge(z: jax.Array, m: Any) -> jax.Array:
+    """The a at which z (1 + a)^{2m} + E_m(a) = 0; ±inf with the sign of −z if there is none with a > −1."""
+    t = 2 * jnp.asarray(m) * z
+    exists = jnp.isfinite(t) & (t > -1)
+    safe = jnp.where(exists, t, 0.0)
+    root = jnp.expm1(-jnp.where(exists, z, 0.0) * _log1p_over(safe))
+    return jnp.where(exists, root, jnp.where(z > 0, -jnp.inf, jnp.inf))
+
+
+def lattice_bonds(dim: int, N: float) -> np.ndarray:
+    """The bonds of a full lattice family in units of the spacing: integer points with 0 < |p| ≤ N(1 + 1e-9).
+
+    Arguments: dim 1, 2 or 3; N horizon over spacing [-]. Returns: (bonds, dim) [-]. Raises: ValueError for
+    dim, N.
+    """
+    dim, N = check_dim(dim), check_ratio(N)
+    return cells_within(dim, N).astype(float)

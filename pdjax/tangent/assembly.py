@@ -1,0 +1,180 @@
+"""The sparse Jacobian of a body, assembled from the linearised families: never probed.
+
+With Δ the difference operator (η = Δ u), a family's dT = B Δ du + G R Δ du (+ G' R Δ du for the far end's state) and
+(Div T)_i = Σ_j V_j (T_ij − T_ji). For a point-state model J = Div dT/du is a direct part D on one ring of neighbours
+and a product of two matrices of one ring, J = D + P S, S = δA/δu the states and P the pull of the states on forces:
+
+    D_ij = V_j (B_ij + B_ji),   S_ij = R_ij,   P_ij = V_j (G'_ij − G_ji),   P_ii = Σ_j V_j (G_ij − G'_ji)
+
+and D_ii = −Σ_j D_ij, S_ii = −Σ_j S_ij. The product takes the time: 2 dim² · rank · ring² operations a point, in blocks
+(dim, rank) by SciPy, a part of the rows in each thread. The pattern is two rings, three where the far end's state is
+needed. A model of two stages has, with Z = (Δ; S; S at the far end), S = R Δ its states, and H the Hessian of a bond's
+energy, V J = −Zᵀ (V H) Z, since its states are linear in η.
+"""
+
+from itertools import pairwise
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import scipy.sparse as sp
+from jax.flatten_util import ravel_pytree
+from jaxtyping import Array
+
+from .._internal.checks import computed_in_double
+from .._internal.threads import cores, shared
+from .._internal.xla import QUICK, quick_jit
+from ..geometry.bonds import Bonds, Families
+from ..models.base import AbstractModel, PointStateModel, TwoStageModel
+from ..models.pointwise import regular, split_model
+from .linearise import TwoStage, family_tangent, linearise_states, linearise_two_stage
+
+
+def _point_tangents(model: AbstractModel, fams: Families, bonds: Bonds) -> Any:
+    """LowRank of every point (point-state models), or the dense C of every point. What comes of bonds without weight
+    means nothing."""
+    varying, shared = split_model(model, len(fams))
+    bonds, _ = regular(bonds)
+    if not isinstance(model, PointStateModel | TwoStageModel):
+        return jax.vmap(lambda mine, b: family_tangent(eqx.combine(mine, shared), b))(varying, bonds)
+    if isinstance(model, PointStateModel) and not model.needs_other_end:
+        return jax.vmap(lambda mine, b: linearise_states(eqx.combine(mine, shared), b))(varying, bonds)
+    states = jax.vmap(lambda mine, b: ravel_pytree(eqx.combine(mine, shared).point_state(b))[0])(varying, bonds)
+    far = states[fams.neighbours]
+    linearise: Any = linearise_two_stage if isinstance(model, TwoStageModel) else linearise_states
+    return jax.vmap(lambda mine, b, there: linearise(eqx.combine(mine, shared), b, there))(varying, bonds, far)
+
+
+def _block_csr(rows, cols, blocks, shape) -> sp.csr_array:
+    """A CSR matrix of equal blocks (n, a, b) at block positions (rows, cols)."""
+    n, a, b = blocks.shape
+    r = np.broadcast_to((rows[:, None, None] * a + np.arange(a)[None, :, None]), (n, a, b)).reshape(-1)
+    c = np.broadcast_to((cols[:, None, None] * b + np.arange(b)[None, None, :]), (n, a, b)).reshape(-1)
+    return sp.coo_array((blocks.reshape(-1), (r, c)), shape=(shape[0] * a, shape[1] * b)).tocsr()
+
+
+class _Rings(NamedTuple):
+    """The pattern of one ring of neighbours, point by point: the point itself, then its true neighbours."""
+
+    true: np.ndarray  # (points, bonds)
+    start: np.ndarray  # (points + 1,) first block of every row
+    column: np.ndarray  # (blocks,) the points
+    own: np.ndarray  # (points,) block of the point itself
+    place: np.ndarray  # (true bonds,) block of every bond
+
+    @staticmethod
+    def of(fams: Families) -> "_Rings":
+        """A bond that has no weight seen from one end keeps its place while it has some from the other."""
+        weight = np.asarray(fams.weight)
+        true = (weight > 0) | (weight[np.asarray(fams.neighbours), np.asarray(fams.reverse)] > 0)
+        count = true.sum(axis=1)
+        start = np.concatenate([[0], np.cumsum(count + 1)])
+        i, slot = np.nonzero(true)
+        order = np.cumsum(true, axis=1)[i, slot]
+        column = np.empty(start[-1], dtype=np.int32)
+        place = start[i] + order
+        column[start[:-1]] = np.arange(len(true))
+        column[place] = np.asarray(fams.neighbours)[i, slot]
+        return _Rings(true, start.astype(np.int32), column, start[:-1], place)
+
+    def matrix(self, on_bonds: np.ndarray, on_points: np.ndarray) -> sp.bsr_array:
+        """Blocks (points, bonds, a, b) at the neighbours and (points, a, b) at the points themselves."""
+        points, (a, b) = len(on_points), on_points.shape[1:]
+        blocks = np.empty((len(self.column), a, b))
+        blocks[self.own], blocks[self.place] = on_points, on_bonds[self.true]
+        # a copy: SciPy sorts the indices of 1 × 1 blocks in place
+        return sp.bsr_array((blocks, self.column.copy(), self.start), shape=(points * a, points * b))
+
+
+def _product(P: sp.bsr_array, S: sp.bsr_array) -> sp.bsr_array:
+    """P S with sorted blocks, some rows in every thread: SciPy lets go of the interpreter while it multiplies."""
+    rows, height, threads = len(P.indptr) - 1, P.blocksize[0], cores()
+    cuts = [*np.searchsorted(P.indptr, P.indptr[-1] * np.arange(threads) / threads).tolist(), rows]
+
+    def part(rows: tuple[int, int]) -> sp.bsr_array:
+        first, last = rows
+        a, b = P.indptr[first], P.indptr[last]
+        data = (P.data[a:b], P.indices[a:b], P.indptr[first : last + 1] - a)
+        out = sp.bsr_array(data, shape=((last - first) * height, P.shape[1])) @ S
+        out.sort_indices()
+        return out
+
+    parts = list(shared(part, list(pairwise(cuts))))
+    starts = np.cumsum([0, *(len(p.indices) for p in parts)])
+    indptr = np.concatenate([[0], *(p.indptr[1:] + s for p, s in zip(parts, starts, strict=False))])
+    data, indices = (np.concatenate([getattr(p, name) for p in parts]) for name in ("data", "indices"))
+    return sp.bsr_array((data, indices, indptr.astype(P.indptr.dtype)), shape=(P.shape[0], S.shape[1]))
+
+
+@eqx.filter_jit
+def _tangents(model: AbstractModel, fams: Families, u: Array, F: Array | None) -> Any:
+    return _point_tangents(model, fams, fams.bonds(u, F))
+
+
+@quick_jit(QUICK)
+def _ring_blocks(model: PointStateModel, fams: Families, u: Array, F: Array | None) -> tuple[Array, ...]:
+    """D, P and S of the module's text, each as its blocks on bonds (points, bonds, …) and on points (points, …)."""
+    bonds = fams.bonds(u, F)
+    real = (fams.weight > 0)[..., None, None]
+    t = _point_tangents(model, fams, bonds)
+    B, G, S = (jnp.where(real, x, 0.0) for x in (t.B, t.G, jnp.moveaxis(t.R, 2, 1)))
+    back, V = (fams.neighbours, fams.reverse), bonds.volume[..., None, None]
+    D, P, P_own = V * (B + B[back]), -V * G[back], V * G
+    if model.needs_other_end:
+        there = jnp.where(real, t.there, 0.0)
+        P, P_own = P + V * there, P_own - V * there[back]
+    return D, -jnp.sum(D, axis=1), P, jnp.sum(P_own, axis=1), S, -jnp.sum(S, axis=1)
+
+
+def sparse_jacobian(model: AbstractModel, fams: Families, u: Array, F: Array | None) -> sp.csr_array:
+    """J (points·dim, points·dim) at checked u and mean deformation F (or None), with sorted indices."""
+    points, dim = len(fams), fams.dim
+    if isinstance(model, PointStateModel):
+        D, D_own, P, P_own, S, S_own = computed_in_double(_ring_blocks, model, fams, u, F)
+        rings = _Rings.of(fams)
+        J = rings.matrix(D, D_own)
+        J.sort_indices()
+        if S.shape[2]:
+            J = J + _product(rings.matrix(P, P_own), rings.matrix(S, S_own))
+        return J.tocsr()  # sorted, as both terms were
+    tangents = computed_in_double(_tangents, model, fams, u, F)
+    true = np.asarray(fams.weight) > 0
+    i, slot = np.nonzero(true)
+    j = np.asarray(fams.neighbours)[i, slot]
+    bond, count = np.arange(len(i)), len(i)
+    ones = np.broadcast_to(np.eye(dim), (count, dim, dim))
+    V = np.asarray(fams.volumes, dtype=float)
+    difference = _block_csr(bond, j, ones, (count, points)) - _block_csr(bond, i, ones, (count, points))
+    if isinstance(model, TwoStageModel):
+        return _of_energies(tangents, V, difference, (i, slot, j))
+    divergence = _block_csr(i, bond, ones * V[j][:, None, None], (points, count)) - _block_csr(
+        j, bond, ones * V[i][:, None, None], (points, count)
+    )
+    number = np.full(true.shape, -1)
+    number[i, slot] = bond
+    p, b, c = np.nonzero(true[:, :, None] & true[:, None, :])
+    blocks = np.asarray(tangents).transpose(0, 1, 3, 2, 4)[p, b, c]
+    J = divergence @ (_block_csr(number[p, b], number[p, c], blocks, (count, count)) @ difference)
+    J = J.tocsr()
+    J.sort_indices()
+    return J
+
+
+def _of_energies(t: TwoStage, V: np.ndarray, difference: sp.csr_array, true: tuple) -> sp.csr_array:
+    """J of a model of two stages: −V⁻¹ Zᵀ (V H) Z, the states of both ends taken together before the widest product."""
+    i, slot, j = true
+    bond, count, points = np.arange(len(i)), len(i), len(V)
+    dim = t.direct.shape[-1]
+    direct, by_here, by_there, here, mixed, there = (np.asarray(x)[i, slot] * V[i][:, None, None] for x in t[:-1])
+    state = _block_csr(i, bond, np.asarray(t.R).transpose(0, 2, 1, 3)[i, slot], (points, count)) @ difference
+    stretched = _block_csr(bond, bond, direct, (count, count)) @ difference
+    cross = _block_csr(bond, i, by_here, (count, points)) + _block_csr(bond, j, by_there, (count, points))
+    pair = _block_csr(i, j, mixed, (points, points))
+    inner = _block_csr(i, i, here, (points, points)) + _block_csr(j, j, there, (points, points)) + pair + pair.T
+    coupled = (difference.T @ cross) @ state
+    VJ = -(difference.T @ stretched + coupled + coupled.T + state.T @ (inner @ state))
+    J = (sp.diags_array(np.repeat(1 / V, dim)) @ VJ).tocsr()
+    J.sort_indices()
+    return J

@@ -1,0 +1,131 @@
+"""The tangent of one family, by autodiff of a model's small functions.
+
+A point-state model is linear in few numbers: ∂T/∂η = B + G R with the derivative R of its state. A model of two stages
+has the second derivatives of its bond energies and R. Any other model: the dense C = ∂T/∂η of its force state.
+"""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jax.flatten_util import ravel_pytree
+from jaxtyping import Array, Float
+
+from ..geometry.bonds import EACH_BOND, Bonds
+from ..models.base import AbstractModel, PointStateModel, Sums, TwoStageModel
+
+
+class LowRank(NamedTuple):
+    """∂T_b/∂η_c = δ_bc B_b + G_b R_c of one family; `there` is the part of G by the far end's state.
+
+    R is the derivative of the state, or of the sums that the state is made of: they are fewer.
+    """
+
+    B: Float[Array, "bonds dim dim"]
+    G: Float[Array, "bonds dim rank"]
+    R: Float[Array, "rank bonds dim"]
+    there: Float[Array, "bonds dim rank"]
+
+
+class _Slope(NamedTuple):
+    """The state (raveled) with its unravel function, and ∂A/∂η = outer R; outer None stands for the identity."""
+
+    state: Array
+    unravel: Callable
+    outer: Float[Array, "rank sums"] | None
+    R: Float[Array, "sums bonds dim"]
+
+
+def _slope_of_state(model: PointStateModel, bonds: Bonds) -> _Slope:
+    """Where the state is made of sums of what single bonds give, by the chain rule: ∂A/∂sums times ∂moments/∂η of each
+    bond, which is a smaller program than a reverse pass through everything."""
+    if not model.by_moments:
+        state, unravel = ravel_pytree(model.point_state(bonds))
+        R = jax.jacrev(lambda eta: ravel_pytree(model.point_state(bonds._replace(eta=eta)))[0])(bonds.eta)
+        return _Slope(state, unravel, None, R)
+
+    def moments(eta, bond):
+        reference, deformed = model.moments(bond._replace(eta=eta))
+        flat = ravel_pytree(deformed)[0]
+        return flat, (reference, deformed)
+
+    slopes, each = jax.vmap(jax.jacfwd(moments, has_aux=True), (0, EACH_BOND))(bonds.eta, bonds)
+    reference, deformed = jax.tree.map(lambda x: jnp.sum(x, axis=0), each)
+    total, structure = ravel_pytree(deformed)
+
+    def state_of(total):
+        state = model.state(Sums(reference, structure(total), bonds.horizon, bonds.xi.shape[-1]))
+        return ravel_pytree(state)[0], state
+
+    outer, state = jax.jacfwd(state_of, has_aux=True)(total)
+    return _Slope(*ravel_pytree(state), outer, jnp.moveaxis(slopes, 1, 0))
+
+
+def linearise_states(model: PointStateModel, bonds: Bonds, there=None, first: int | None = None) -> LowRank:
+    """B, G, R of one family by autodiff of `point_state` and `bond_force`.
+
+    `there` holds the states at the far ends, (bonds, rank) raveled; None: equal to this point's (homogeneous).
+    `first`: only for that many leading bonds (a centro-symmetric family needs but its half).
+    """
+    state, unravel, outer, R = _slope_of_state(model, bonds)
+    far = jnp.broadcast_to(state, (bonds.eta.shape[0], state.shape[0])) if there is None else there
+    R, far = R[:, :first], far[:first]
+    bonds = jax.tree.map(lambda x: x[:first] if x.ndim else x, bonds)  # δ is no array of bonds
+
+    def one(eta, here, there, bond):
+        return model.bond_force(unravel(here), unravel(there), bond._replace(eta=eta))
+
+    ends = (0, 1, 2) if model.needs_other_end else (0, 1)
+    slopes = jax.vmap(jax.jacfwd(one, ends), (0, None, 0, EACH_BOND))(bonds.eta, state, far, bonds)
+    B, G = slopes[:2]
+    if model.needs_other_end:  # at a far end other sums make the state
+        return LowRank(B, G, R if outer is None else jnp.einsum("rq,qbd->rbd", outer, R), slopes[2])
+    G = G if outer is None else G @ outer
+    return LowRank(B, G, R, jnp.zeros_like(G))
+
+
+class TwoStage(NamedTuple):
+    """The second derivatives of bond energies φ(η, A_here, A_there), and R = ∂A/∂η, of one family."""
+
+    direct: Float[Array, "bonds dim dim"]
+    by_here: Float[Array, "bonds dim rank"]  # ∂²φ/∂η∂A_here
+    by_there: Float[Array, "bonds dim rank"]
+    here: Float[Array, "bonds rank rank"]
+    mixed: Float[Array, "bonds rank rank"]  # ∂²φ/∂A_here∂A_there
+    there: Float[Array, "bonds rank rank"]
+    R: Float[Array, "rank bonds dim"]
+
+
+def linearise_two_stage(model: TwoStageModel, bonds: Bonds, there=None) -> TwoStage:
+    """Hessians of every bond's energy and derivative of the state, by autodiff; `there` as in `linearise_states`."""
+    state, unravel = ravel_pytree(model.point_state(bonds))
+    R = jax.jacrev(lambda eta: ravel_pytree(model.point_state(bonds._replace(eta=eta)))[0])(bonds.eta)
+    far = jnp.broadcast_to(state, (bonds.eta.shape[0], state.shape[0])) if there is None else there
+
+    def one(eta, here, there, bond):
+        return model.bond_energy(unravel(here), unravel(there), bond._replace(eta=eta))
+
+    hessian = jax.hessian(one, argnums=(0, 1, 2))
+    (direct, by_here, by_there), (_, here, mixed), (_, _, at_far) = jax.vmap(hessian, (0, None, 0, EACH_BOND))(
+        bonds.eta, state, far, bonds
+    )
+    return TwoStage(direct, by_here, by_there, here, mixed, at_far, R)
+
+
+def family_tangent(model: AbstractModel, bonds: Bonds) -> Float[Array, "bonds dim bonds dim"]:
+    """C = ∂T/∂η of one family, dense, every point in the same state; (b, i, c, j) = ∂T_bi/∂η_cj.
+
+    Raises: ValueError for a model of two stages, whose force state is not a function of one family.
+    """
+    if isinstance(model, TwoStageModel):
+        raise ValueError(
+            f"the force state of {type(model).__name__} depends on its neighbours' families too: criteria of one family"
+            ' ("material", "material_center", "material_neighbour") do not apply; use "block" or "symbol"'
+        )
+    if isinstance(model, PointStateModel):
+        t = linearise_states(model, bonds)
+        n = bonds.eta.shape[0]
+        C = jnp.einsum("bir,rcj->bicj", t.G, t.R)  # own state only: dT at this point by its own bonds
+        return C.at[jnp.arange(n), :, jnp.arange(n), :].add(t.B)
+    return jax.jacfwd(lambda eta: model.force_state(bonds._replace(eta=eta)))(bonds.eta)
