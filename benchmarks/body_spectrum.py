@@ -21,9 +21,9 @@ MODEL = pd.SethHill(1.0, pd.LinearElastic(1.0, 0.0))
 
 
 def main() -> None:
-    fam = pd.lattice_family(1, 3)
+    family = pd.lattice_family(1, 3)
     k = jnp.linspace(0, jnp.pi, 20001)[:, None]
-    symbol = np.sort(np.asarray(pd.symbol(MODEL, fam, (1 + STRAIN) * jnp.eye(1), k))[:, 0, 0])
+    symbol = np.sort(np.asarray(pd.symbol(MODEL, family, (1 + STRAIN) * jnp.eye(1), k))[:, 0, 0])
     top = float(symbol[-1])
     figure = Figure(figsize=(13.5, 4.2), layout="constrained")
     left, middle, right = figure.subplots(1, 3)

@@ -22,13 +22,13 @@ LAW = pd.LinearElastic(1.0, 1.0)
 
 
 def main() -> None:
-    fam = pd.lattice_family(2, 3)
+    family = pd.lattice_family(2, 3)
     z = zone.brillouin_zone(2, 24, "cubic")
     m, a = (x.reshape(-1) for x in jnp.meshgrid(jnp.linspace(-2, 2, 32), jnp.linspace(-0.3, 0.3, 32)))
 
     def margin(name):
         return jax.jit(
-            jax.vmap(lambda m, a: criteria.evaluate(name, pd.SethHill(m, LAW), fam, (1 + a) * jnp.eye(2), z).margin)
+            jax.vmap(lambda m, a: criteria.evaluate(name, pd.SethHill(m, LAW), family, (1 + a) * jnp.eye(2), z).margin)
         )
 
     unstable = np.asarray(margin("symbol")(m, a)) > 1e-12

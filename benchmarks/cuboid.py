@@ -11,9 +11,9 @@ from matplotlib.lines import Line2D
 
 import pdjax as pd
 from pdjax.bench.harness import write
-from pdjax.cli.motions import roughness
 from pdjax.figures import COLOURS
 from pdjax.finite_body.factorisation import matrix
+from pdjax.scenes.alternation import roughness
 from pdjax.studies.paper.cuboid import LAW, ONSET, START, STRAINS, growth, predicted, pull
 
 jax.config.update("jax_enable_x64", True)

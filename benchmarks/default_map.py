@@ -56,7 +56,7 @@ def precision() -> dict:
 
 def convergence() -> dict:
     """Non-zero critical loads by the symbol at 12, 24 (default) and 48 intervals."""
-    fam = pd.lattice_family(2, 3)
+    family = pd.lattice_family(2, 3)
     law = pd.LinearElastic(3.0, 1.0)
     cases = {
         "m = -2, uniaxial strain, compression": (-2.0, pd.uniaxial_strain, "negative"),
@@ -65,7 +65,7 @@ def convergence() -> dict:
     }
     loads = {
         name: {
-            n: float(pd.critical_load(pd.SethHill(jnp.asarray(m), law), fam, path, "symbol", side, resolution=n))
+            n: float(pd.critical_load(pd.SethHill(jnp.asarray(m), law), family, path, "symbol", side, resolution=n))
             for n in (12, 24, 48)
         }
         for name, (m, path, side) in cases.items()

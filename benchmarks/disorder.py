@@ -51,18 +51,18 @@ def cells(jitters, seeds):
 
 
 def disorder(name: str, horizon: float, jitters, seeds: int, intervals: int) -> list[dict]:
-    fam = pd.lattice_family(2, horizon)
-    model = pd.CATALOGUE[name](LAW, fam)
-    M = float(pd.p_wave_modulus(model, fam))
+    family = pd.lattice_family(2, horizon)
+    model = pd.CATALOGUE[name](LAW, family)
+    M = float(pd.p_wave_modulus(model, family))
     rows = []
     for kind, body in cells(jitters, seeds):
         row = {"model": name, "N": horizon, "cell": kind}
         for a in STRAINS:
             try:
-                fams = pd.cell_families(body, horizon * (1 + 1e-9))
+                families = pd.cell_families(body, horizon * (1 + 1e-9))
                 F = (1 + a) * jnp.eye(2)
-                u = pd.relaxed(model, fams, F)
-                found = pd.cell_stability(model, fams, body.period, F, M, u, intervals)
+                u = pd.relaxed(model, families, F)
+                found = pd.cell_stability(model, families, body.period, F, M, u, intervals)
                 row[f"{100 * a:+g} %"] = [found.verdict, found.margin]
             except ValueError as error:
                 row[f"{100 * a:+g} %"] = ["refused", str(error)[:90]]
@@ -71,19 +71,19 @@ def disorder(name: str, horizon: float, jitters, seeds: int, intervals: int) -> 
 
 
 def damage(name: str, N: float) -> dict:
-    fam = pd.lattice_family(2, N)
-    model = pd.CATALOGUE[name](LAW, fam)
-    fams = pd.families(pd.lattice((11, 11)), N)
+    family = pd.lattice_family(2, N)
+    model = pd.CATALOGUE[name](LAW, family)
+    families = pd.families(pd.lattice((11, 11)), N)
     X = np.asarray(pd.lattice((11, 11)).positions)
     line = 6.0  # between the rows at 5.5 and 6.5: the point (5.5, 5.5) keeps the bonds of one side
     side = X[:, 0] > line
-    near = np.asarray(fams.neighbours)
-    broken = fams.with_weight(jnp.asarray(np.where(side[near] == side[:, None], 1.0, 0.0)))
+    near = np.asarray(families.neighbours)
+    broken = families.with_weight(jnp.asarray(np.where(side[near] == side[:, None], 1.0, 0.0)))
     point = int(np.argmin(np.linalg.norm(X - 5.5, axis=1)))
-    unit = float(pd.p_wave_modulus(model, fam)) * 4
+    unit = float(pd.p_wave_modulus(model, family)) * 4
     row: dict = {"model": name, "N": N}
     for a in STRAINS:
-        for label, body in (("intact", fams), ("broken", broken)):
+        for label, body in (("intact", families), ("broken", broken)):
             try:
                 J = pd.jacobian(model, body, a * X).tocsr()
                 block = J[2 * point : 2 * point + 2, 2 * point : 2 * point + 2].toarray()

@@ -20,11 +20,11 @@ from matplotlib.figure import Figure
 
 import pdjax as pd
 from pdjax.bench.harness import machine, results, write
-from pdjax.cli.motions import roughness
 from pdjax.finite_body.factorisation import matrix
 from pdjax.infinite_lattice.criteria.flutter import growth_square
 from pdjax.models.catalogue import CATALOGUE
 from pdjax.models.kinematics import seth_hill
+from pdjax.scenes.alternation import roughness
 from pdjax.studies.paper.cuboid import ONSET
 
 jax.config.update("jax_enable_x64", True)
@@ -112,9 +112,9 @@ def drive(motion, steps: int, shape) -> dict:
 
 def cuboid(name: str, shape, N: int) -> dict:
     model = CATALOGUE[name](pd.LinearElastic(1.0, 1.0), pd.lattice_family(3, N, 1 / shape[-1]))
-    fam = pd.lattice_family(3, N, 1 / shape[-1])
+    family = pd.lattice_family(3, N, 1 / shape[-1])
     out, small = {}, 1e-5
-    inside = pd.piola_stress(model, fam, pd.uniaxial_stress(small, model, fam))[0, 0] / small
+    inside = pd.piola_stress(model, family, pd.uniaxial_stress(small, model, family))[0, 0] / small
     out["Young's modulus inside a lattice"] = float(inside)
     for side, sign in SIDES.items():
         motion = pd.scenes.cuboid(shape, N, sign * STRAIN, RATE, model)

@@ -19,21 +19,26 @@ jax.config.update("jax_enable_x64", True)
 LAW = pd.LinearElastic(1.0, 1.0)
 
 
-def energy(m: float, fam, F) -> float:
-    return float(pd.SethHill(m, LAW).energy(fam.bonds(F)))
+def energy(m: float, family, F) -> float:
+    return float(pd.SethHill(m, LAW).energy(family.bonds(F)))
 
 
 def main() -> None:
     rows = []
     for dim in (2, 3):
-        fam = pd.lattice_family(dim, 3)
+        family = pd.lattice_family(dim, 3)
         for name, path in pd.PATHS.items():
             for side in ("negative", "positive"):
-                low, high = pd.stable_orders(fam, LAW, path, side)
+                low, high = pd.stable_orders(family, LAW, path, side)
                 rows.append({"dim": dim, "path": name, "side": side, "orders": [low, high]})
-    fam = pd.lattice_family(2, 3)
+    family = pd.lattice_family(2, 3)
     loads = [
-        {"m": m, "path": name, "side": side, "a_cr": float(pd.critical_load(pd.SethHill(m, LAW), fam, path, side=side))}
+        {
+            "m": m,
+            "path": name,
+            "side": side,
+            "a_cr": float(pd.critical_load(pd.SethHill(m, LAW), family, path, side=side)),
+        }
         for m in (-1.0, -0.75, 0.5, 1.0)
         for name, path in pd.PATHS.items()
         for side in ("negative", "positive")
@@ -41,7 +46,7 @@ def main() -> None:
     jumps = []
     for shear in (0.01, 0.02, 0.04):  # a state of shear with tr E₀ = 0, where the switch would happen
         F = jnp.asarray(np.diag(np.exp([shear, -shear])))
-        jumps.append({"shear": shear, "relative jump": energy(-1.0, fam, F) / energy(1.0, fam, F) - 1})
+        jumps.append({"shear": shear, "relative jump": energy(-1.0, family, F) / energy(1.0, family, F) - 1})
     write("order_switch", {"stable orders": rows, "critical loads (2D, N = 3)": loads, "energy jump": jumps})
 
 

@@ -44,9 +44,9 @@ MODELS = {
 }
 
 
-def ours(model, fams, way="auto"):
+def ours(model, families, way="auto"):
     """pdjax's side of every comparison: f(u), compiled."""
-    operator = pd.force_operator(model, fams, way)
+    operator = pd.force_operator(model, families, way)
     return lambda u: np.asarray(operator(jnp.asarray(u)))
 
 
@@ -68,8 +68,8 @@ PEERS = {name: peer(name) for name in ("lattice_forces", "list_forces", "grid", 
 def contenders(name: str, body: pd.Points, horizon: float) -> dict:
     """name → f(u) of every peer that has the model, LAMMPS apart."""
     model, kind, constants, _ = MODELS[name]
-    fams = pd.families(body, horizon)
-    made = {"pdjax": ours(model, fams), "pdjax, families, 2": ours(model, fams, "families")}
+    families = pd.families(body, horizon)
+    made = {"pdjax": ours(model, families), "pdjax, families, 2": ours(model, families, "families")}
     if PEERS["lattice_forces"]:
         grid = PEERS["grid"].Grid(body.shape, body.spacing, horizon, border=kind == "Silling")
         cloud = PEERS["list_forces"].Cloud(body.positions, body.volumes, horizon)
@@ -137,10 +137,10 @@ def hessians(side: int) -> dict:
     body, horizon = pd.lattice((side, side - 1, side - 2)), 3.015
     model, _, _, (kind, constants, influence) = MODELS["LPS"]
     part = pd.partial_volume_influence(influence, body.spacing)
-    fams, rest = pd.families(body, horizon, part), np.zeros((len(body), 3))
-    exact = pd.jacobian(model, fams, rest)
+    families, rest = pd.families(body, horizon, part), np.zeros((len(body), 3))
+    exact = pd.jacobian(model, families, rest)
     scale = np.abs(exact.data).max()
-    rows = {"pdjax, sparse": {"seconds": timed(lambda: pd.jacobian(model, fams, rest), repeats=3)}}
+    rows = {"pdjax, sparse": {"seconds": timed(lambda: pd.jacobian(model, families, rest), repeats=3)}}
     dense = exact.toarray()
     if PEERS["lammps_peri"]:
         engine = PEERS["lammps_peri"].Peri(body.shape, body.spacing, horizon, kind, constants)
@@ -165,8 +165,8 @@ def spectra(side: int, count: int = 4) -> dict:
     body, horizon = pd.lattice((side,) * 3), 2.0
     X = body.positions
     held = np.flatnonzero(X[:, 0] < 1)
-    model, fams = MODELS["Seth–Hill, m = 1"][0], pd.families(body, horizon)
-    scene = pd.scene(body, fams, model, pd.prescribe(held, 0.0))
+    model, families = MODELS["Seth–Hill, m = 1"][0], pd.families(body, horizon)
+    scene = pd.scene(body, families, model, pd.prescribe(held, 0.0))
     u = np.stack([0.01 * (X[:, 0] - 0.5), 0 * X[:, 1], 0 * X[:, 2]], axis=1)
     values, _, about = pd.body_spectrum(scene, u, count)
     answer = {
@@ -202,8 +202,8 @@ def maps(orders: int, loads: int, intervals: int = 24) -> dict:
     kept = {"N": 3, "dim": 2, "law": pd.LinearElastic(1.0, 1.0), "resolution": intervals, "show_progress": False}
     ours = timed(lambda: pd.stability_map(m, a, **kept).margin, repeats=3)
     grid = pd.stability_map(m, a, **kept)
-    fam = pd.lattice_family(2, 3)
-    lattice = PEERS["by_differences"].SethHillLattice(fam.xi, np.ones(len(fam.xi)), 1.0, 1.0)
+    family = pd.lattice_family(2, 3)
+    lattice = PEERS["by_differences"].SethHillLattice(family.xi, np.ones(len(family.xi)), 1.0, 1.0)
     waves = np.asarray(zone.brillouin_zone(2, intervals, "cubic").grid)
     start = time.perf_counter()
     theirs = np.array([[lattice.largest(x, (1 + y) * np.eye(2), waves) for y in a] for x in m])

@@ -25,24 +25,24 @@ STATES = (0.01, 0.05, 0.1)
 
 
 @eqx.filter_jit
-def unstable(models, fam, F, intervals):
+def unstable(models, family, F, intervals):
     """Verdict of every model of a batch on one state."""
-    zone = criteria.family_zone(fam, "cubic", intervals)
+    zone = criteria.family_zone(family, "cubic", intervals)
 
     def one(model):
-        out = criteria.evaluate("symbol", model, fam, F, zone)
+        out = criteria.evaluate("symbol", model, family, F, zone)
         return out.margin > criteria.margin_tolerance(F.dtype, out.scale)
 
     return eqx.filter_vmap(one)(models)
 
 
-def strength_needed(kind, m, fam, a: float, intervals: int) -> float:
+def strength_needed(kind, m, family, a: float, intervals: int) -> float:
     """Smallest strength that makes the state (1 + a) I stable; 0 if none is needed, inf if 100 is not enough."""
-    F = (1 + a) * jnp.eye(fam.dim)
+    F = (1 + a) * jnp.eye(family.dim)
 
     def bad(strengths):
         models = eqx.filter_vmap(lambda g: pd.SethHill(m, LAW, kind(g)))(jnp.asarray(strengths))
-        return np.asarray(unstable(models, fam, F, intervals))
+        return np.asarray(unstable(models, family, F, intervals))
 
     grid = np.concatenate([[0.0], np.geomspace(1e-4, 100, 31)])
     flags = bad(grid)
@@ -97,34 +97,34 @@ def main() -> None:
     numbers: dict = {"law": "LinearElastic(1, 1)", "N": 3, "strengths": strengths.tolist(), "cases": []}
     dims = (2,) if quick else (2, 3)
     for dim in dims:
-        fam = pd.lattice_family(dim, 3)
+        family = pd.lattice_family(dim, 3)
         intervals = {2: 18, 3: 10}[dim]
         own = {
-            side: float(pd.critical_load(pd.Correspondence(LAW), fam, pd.hydrostatic, "local", side))
+            side: float(pd.critical_load(pd.Correspondence(LAW), family, pd.hydrostatic, "local", side))
             for side in ("negative", "positive")
         }
         for m in COLOUR:
             bare = {
-                side: float(pd.critical_load(pd.SethHill(m, LAW), fam, side=side, resolution=intervals))
+                side: float(pd.critical_load(pd.SethHill(m, LAW), family, side=side, resolution=intervals))
                 for side in ("negative", "positive")
             }
             for name, kind in CONTROLS.items():
                 case = {"dim": dim, "m": m, "control": name, "bare": bare, "critical": {}, "needed": {}}
                 for side, sign in (("negative", -1), ("positive", 1)):
                     found = [
-                        float(pd.critical_load(pd.SethHill(m, LAW, kind(g)), fam, side=side, resolution=intervals))
+                        float(pd.critical_load(pd.SethHill(m, LAW, kind(g)), family, side=side, resolution=intervals))
                         for g in strengths
                     ]
                     case["critical"][side] = found
                     for a in STATES:
-                        case["needed"][f"{100 * sign * a:+g} %"] = strength_needed(kind, m, fam, sign * a, intervals)
+                        case["needed"][f"{100 * sign * a:+g} %"] = strength_needed(kind, m, family, sign * a, intervals)
                 numbers["cases"].append(case)
             wan = pd.SethHill(m, LAW, pd.WanControl())
             numbers["cases"].append(
                 {"dim": dim, "m": m, "control": "Wan", "bare": bare}
                 | {
                     "critical": {
-                        side: float(pd.critical_load(wan, fam, side=side, resolution=intervals))
+                        side: float(pd.critical_load(wan, family, side=side, resolution=intervals))
                         for side in ("negative", "positive")
                     }
                 }

@@ -29,12 +29,12 @@ LAW = pd.LinearElastic(1.0, 1.0)
 
 
 @jax.jit
-def structured(m, F, fam, waves):
+def structured(m, F, family, waves):
     """max over waves of λ_max for every state."""
-    phases = bloch.wave_phases(fam, waves)
+    phases = bloch.wave_phases(family, waves)
 
     def one(m, F):
-        tangent = bloch.homogeneous_tangent(pd.SethHill(m, LAW), fam, F)
+        tangent = bloch.homogeneous_tangent(pd.SethHill(m, LAW), family, F)
         return jnp.max(zone.largest_eigenvalue(tangent.components(phases)))
 
     return jax.vmap(one)(m, F)
@@ -92,10 +92,10 @@ def by_hand(b, r, D, c, s, dim):
     return out
 
 
-def hand_coefficients(m, F, fam):
+def hand_coefficients(m, F, family):
     """b, r, D for the Numba kernel: one point's formulas in NumPy for all states."""
-    dim, half = fam.dim, fam.xi.shape[0] // 2
-    xi = np.asarray(fam.xi)[:half]
+    dim, half = family.dim, family.xi.shape[0] // 2
+    xi = np.asarray(family.xi)[:half]
     square = (xi**2).sum(axis=1)
     v = np.asarray(direction_mandel(jnp.asarray(xi)))
     L = 2 * v.T @ v
@@ -123,7 +123,7 @@ def naive(dim, N):
     """Ĵ(k) from the jacfwd row of a two-horizon patch, jitted: (m, F, k) → λ_max."""
     cells = 4 * N + 1
     body = pd.lattice((cells,) * dim)
-    fams = pd.families(body, float(N))
+    families = pd.families(body, float(N))
     centre = len(body) // 2
     X = jnp.asarray(body.positions)
 
@@ -131,7 +131,7 @@ def naive(dim, N):
     def top(m, F, k):
         u = X @ (F - jnp.eye(dim)).T
         model = pd.SethHill(m, LAW)
-        row = jax.jacrev(lambda u: pd.force_density(model, fams, u)[centre])(u)
+        row = jax.jacrev(lambda u: pd.force_density(model, families, u)[centre])(u)
         wave = jnp.cos((X - X[centre]) @ k)
         return jnp.linalg.eigvalsh(jnp.einsum("inj,n->ij", row, wave))[-1]
 
@@ -139,7 +139,7 @@ def naive(dim, N):
 
 
 def case(dim: int, states: int, chunk: int, intervals: int, naive_symbols: int) -> dict:
-    fam = pd.lattice_family(dim, 3)
+    family = pd.lattice_family(dim, 3)
     waves = np.asarray(zone.brillouin_zone(dim, intervals, "inversion").grid)
     rng = np.random.default_rng(0)
     m = rng.uniform(-2, 2, states)
@@ -148,19 +148,19 @@ def case(dim: int, states: int, chunk: int, intervals: int, naive_symbols: int) 
 
     def ours():
         return [
-            structured(jnp.asarray(m[i : i + chunk]), jnp.asarray(F[i : i + chunk]), fam, jnp.asarray(waves))
+            structured(jnp.asarray(m[i : i + chunk]), jnp.asarray(F[i : i + chunk]), family, jnp.asarray(waves))
             for i in range(0, states, chunk)
         ]
 
-    b, r, D = hand_coefficients(m, F, fam)
-    phases = bloch.wave_phases(fam, jnp.asarray(waves))
+    b, r, D = hand_coefficients(m, F, family)
+    phases = bloch.wave_phases(family, jnp.asarray(waves))
     c, s = (np.ascontiguousarray(np.asarray(x).T) for x in (phases.c, phases.s))
     one = timed(ours)
     two = timed(lambda: by_hand(b, r, D, c, s, dim))
     difference = np.abs(np.concatenate(ours()) - by_hand(b, r, D, c, s, dim)).max()
     slow = naive(dim, 3)
     three = timed(lambda: [slow(m[i], F[i], jnp.asarray(waves[i])) for i in range(naive_symbols)], repeats=3)
-    exact = np.asarray(structured(jnp.asarray(m[:3]), jnp.asarray(F[:3]), fam, jnp.asarray(waves[:1])))
+    exact = np.asarray(structured(jnp.asarray(m[:3]), jnp.asarray(F[:3]), family, jnp.asarray(waves[:1])))
     off = max(abs(float(slow(m[i], F[i], jnp.asarray(waves[0]))) - exact[i]) for i in range(3))
     rate = {
         "pdjax": symbols / one["median"],

@@ -1,245 +1,387 @@
 """pdjax: a stability laboratory and differentiable engine for peridynamics, in JAX.
 
-Write a material model once, for one family of bonds; get its forces, its exact Jacobian, its spectrum, its
-critical loads and their gradients; and the equilibria and motions of whole bodies with their spectra.
-The library follows the dtype of its inputs and never touches `jax.config`, unless you call `use_compilation_cache`:
-for signs of eigenvalues, enable float64 first, `jax.config.update("jax_enable_x64", True)`. One flag of XLA it sets,
-and says why (`pdjax._internal.xla`): import it before the first computation.
-`pdjax.figures` and `pdjax.export` load matplotlib and meshio when they are first used, not before.
+Write a material model once, for one family of bonds. pdjax gives its forces, its exact Jacobian, its spectrum and its
+critical loads, the equilibria and motions of whole bodies, and the derivatives of all of them.
+
+    points and families   lattice, bar, plate, cuboid, cloud, lattice_family, families, neighbour_report, cut
+    models and laws       SethHill, Correspondence, BondBased, LPS, ..., LinearElastic, NeoHookean, EnergyLaw
+    forces and fields     force_density, force_operator, force_state, strain, stress, cauchy_stress, von_mises, dilatation
+    exact Jacobian        jvp, jacobian, center_block, symbol
+    infinite lattice      stability, critical_load, stability_map, dispersion, model_atlas, cell_stability
+    conditions            prescribe, body_force, total_force, homogeneous_traction, scene, motion, scenes
+    finite body           solve, equilibrium_path, simulate, body_stability, body_critical_load, critical_time_step
+    figures and files     figures, export, StabilityMap.save
+    settings              use_compilation_cache, advise
+
+`help(pdjax.NAME)` explains one of them. The dtype of the results follows the inputs. The signs of eigenvalues decide
+verdicts, so enable float64 first: `jax.config.update("jax_enable_x64", True)`. pdjax changes no setting of JAX unless
+`use_compilation_cache` is called; where jaxlib 0.10 is installed it sets one flag of XLA (see `pdjax._internal.xla`),
+so import pdjax before the first computation.
 """
 
 import importlib as _importlib
 
-from . import scenes
+from . import scenes as scenes
+from ._internal import moved as _moved
 from ._internal import xla as _xla
-from ._internal.compilation_cache import use_compilation_cache
-from .bench.advice import advise
-from .finite_body import observers
-from .finite_body.conditions import body_force, homogeneous_traction, prescribe, total_force
-from .finite_body.critical_load import BodyCritical, body_critical_load
+from ._internal.compilation_cache import use_compilation_cache as use_compilation_cache
+from .bench.advice import advise as advise
+from .finite_body import observers as observers
+from .finite_body.conditions import (
+    body_force as body_force,
+)
+from .finite_body.conditions import (
+    homogeneous_traction as homogeneous_traction,
+)
+from .finite_body.conditions import (
+    prescribe as prescribe,
+)
+from .finite_body.conditions import (
+    total_force as total_force,
+)
+from .finite_body.critical_load import BodyCritical as BodyCritical
+from .finite_body.critical_load import body_critical_load as body_critical_load
 from .finite_body.dynamics import (
-    Energies,
-    Failure,
-    History,
-    Hold,
-    Motion,
-    Ramp,
-    Rate,
-    SmoothRamp,
-    amplitude,
-    critical_time_step,
-    diffrax_start,
-    diffrax_terms,
-    measured_rate,
-    motion,
-    simulate,
-    simulate_diffrax,
-    symplectic_terms,
-    verlet_rate,
+    Energies as Energies,
 )
-from .finite_body.scene import Scene, scene
-from .finite_body.spectrum import BodyStability, body_inertia, body_spectrum, body_stability
-from .finite_body.statics import Equilibrium, EquilibriumPath, equilibrium_path, solve
-from .force.backends.slabs import SlabForce, sharded_vmap, slab_force
-from .force.fields import force_state, piola_stress, strain, strain_energy, stress
-from .force.operator import ForceOperator, force_density, force_operator
-from .force.point_fields import cauchy_stress, dilatation, energy_density, von_mises, weighted_volume
-from .geometry.bonds import Bonds, Families, Family, lattice_family
-from .geometry.cuts import Plane, Polygon, Segment, cut
+from .finite_body.dynamics import (
+    Failure as Failure,
+)
+from .finite_body.dynamics import (
+    History as History,
+)
+from .finite_body.dynamics import (
+    Hold as Hold,
+)
+from .finite_body.dynamics import (
+    Motion as Motion,
+)
+from .finite_body.dynamics import (
+    Ramp as Ramp,
+)
+from .finite_body.dynamics import (
+    Rate as Rate,
+)
+from .finite_body.dynamics import (
+    SmoothRamp as SmoothRamp,
+)
+from .finite_body.dynamics import (
+    amplitude as amplitude,
+)
+from .finite_body.dynamics import (
+    critical_time_step as critical_time_step,
+)
+from .finite_body.dynamics import (
+    diffrax_start as diffrax_start,
+)
+from .finite_body.dynamics import (
+    diffrax_terms as diffrax_terms,
+)
+from .finite_body.dynamics import (
+    measured_rate as measured_rate,
+)
+from .finite_body.dynamics import (
+    motion as motion,
+)
+from .finite_body.dynamics import (
+    simulate as simulate,
+)
+from .finite_body.dynamics import (
+    simulate_diffrax as simulate_diffrax,
+)
+from .finite_body.dynamics import (
+    symplectic_terms as symplectic_terms,
+)
+from .finite_body.dynamics import (
+    verlet_rate as verlet_rate,
+)
+from .finite_body.scene import Scene as Scene
+from .finite_body.scene import scene as scene
+from .finite_body.spectrum import (
+    BodyStability as BodyStability,
+)
+from .finite_body.spectrum import (
+    body_inertia as body_inertia,
+)
+from .finite_body.spectrum import (
+    body_spectrum as body_spectrum,
+)
+from .finite_body.spectrum import (
+    body_stability as body_stability,
+)
+from .finite_body.statics import (
+    Equilibrium as Equilibrium,
+)
+from .finite_body.statics import (
+    EquilibriumPath as EquilibriumPath,
+)
+from .finite_body.statics import (
+    equilibrium_path as equilibrium_path,
+)
+from .finite_body.statics import (
+    solve as solve,
+)
+from .force.backends.slabs import SlabForce as SlabForce
+from .force.backends.slabs import sharded_vmap as sharded_vmap
+from .force.backends.slabs import slab_force as slab_force
+from .force.fields import (
+    force_state as force_state,
+)
+from .force.fields import (
+    piola_stress as piola_stress,
+)
+from .force.fields import (
+    strain as strain,
+)
+from .force.fields import (
+    strain_energy as strain_energy,
+)
+from .force.fields import (
+    stress as stress,
+)
+from .force.operator import (
+    ForceOperator as ForceOperator,
+)
+from .force.operator import (
+    force_density as force_density,
+)
+from .force.operator import (
+    force_operator as force_operator,
+)
+from .force.point_fields import (
+    cauchy_stress as cauchy_stress,
+)
+from .force.point_fields import (
+    dilatation as dilatation,
+)
+from .force.point_fields import (
+    energy_density as energy_density,
+)
+from .force.point_fields import (
+    von_mises as von_mises,
+)
+from .force.point_fields import (
+    weighted_volume as weighted_volume,
+)
+from .geometry.bonds import (
+    Bonds as Bonds,
+)
+from .geometry.bonds import (
+    Families as Families,
+)
+from .geometry.bonds import (
+    LatticeFamily as LatticeFamily,
+)
+from .geometry.bonds import (
+    lattice_family as lattice_family,
+)
+from .geometry.cuts import Plane as Plane
+from .geometry.cuts import Polygon as Polygon
+from .geometry.cuts import Segment as Segment
+from .geometry.cuts import cut as cut
 from .geometry.influence import (
-    constant_influence,
-    cubic_spline_influence,
-    gaussian_influence,
-    inverse_distance_influence,
-    linear_influence,
-    parabolic_influence,
-    partial_volume_influence,
+    constant_influence as constant_influence,
 )
-from .geometry.neighbour_search import families
-from .geometry.points import Points, bar, cloud, cuboid, lattice, plate
-from .geometry.report import NeighbourReport, neighbour_report
-from .infinite_lattice.atlas import Atlas, model_atlas, zero_energy_waves
-from .infinite_lattice.cells import CellStability, cell_families, cell_stability, cell_symbol, relaxed
-from .infinite_lattice.criteria import CRITERIA, Stability, stability
-from .infinite_lattice.criteria.critical_load import critical_load, load_slope, stable_orders
-from .infinite_lattice.dispersion import Dispersion, classical_frequency, dispersion
-from .infinite_lattice.lattice_states import center_block, p_wave_modulus, symbol
-from .infinite_lattice.maps import StabilityMap, stability_map
-from .infinite_lattice.paths import PATHS, hydrostatic, simple_shear, uniaxial_strain, uniaxial_stress
+from .geometry.influence import (
+    cubic_spline_influence as cubic_spline_influence,
+)
+from .geometry.influence import (
+    gaussian_influence as gaussian_influence,
+)
+from .geometry.influence import (
+    inverse_distance_influence as inverse_distance_influence,
+)
+from .geometry.influence import (
+    linear_influence as linear_influence,
+)
+from .geometry.influence import (
+    parabolic_influence as parabolic_influence,
+)
+from .geometry.influence import (
+    partial_volume_influence as partial_volume_influence,
+)
+from .geometry.neighbour_search import families as families
+from .geometry.points import (
+    Points as Points,
+)
+from .geometry.points import (
+    bar as bar,
+)
+from .geometry.points import (
+    cloud as cloud,
+)
+from .geometry.points import (
+    cuboid as cuboid,
+)
+from .geometry.points import (
+    lattice as lattice,
+)
+from .geometry.points import (
+    plate as plate,
+)
+from .geometry.report import NeighbourReport as NeighbourReport
+from .geometry.report import neighbour_report as neighbour_report
+from .infinite_lattice.atlas import Atlas as Atlas
+from .infinite_lattice.atlas import model_atlas as model_atlas
+from .infinite_lattice.atlas import zero_energy_waves as zero_energy_waves
+from .infinite_lattice.cells import (
+    CellStability as CellStability,
+)
+from .infinite_lattice.cells import (
+    cell_families as cell_families,
+)
+from .infinite_lattice.cells import (
+    cell_stability as cell_stability,
+)
+from .infinite_lattice.cells import (
+    cell_symbol as cell_symbol,
+)
+from .infinite_lattice.cells import (
+    relaxed as relaxed,
+)
+from .infinite_lattice.criteria import CRITERIA as CRITERIA
+from .infinite_lattice.criteria import Stability as Stability
+from .infinite_lattice.criteria import stability as stability
+from .infinite_lattice.criteria.critical_load import (
+    critical_load as critical_load,
+)
+from .infinite_lattice.criteria.critical_load import (
+    load_slope as load_slope,
+)
+from .infinite_lattice.criteria.critical_load import (
+    stable_orders as stable_orders,
+)
+from .infinite_lattice.dispersion import (
+    Dispersion as Dispersion,
+)
+from .infinite_lattice.dispersion import (
+    classical_frequency as classical_frequency,
+)
+from .infinite_lattice.dispersion import (
+    dispersion as dispersion,
+)
+from .infinite_lattice.lattice_states import (
+    center_block as center_block,
+)
+from .infinite_lattice.lattice_states import (
+    p_wave_modulus as p_wave_modulus,
+)
+from .infinite_lattice.lattice_states import (
+    symbol as symbol,
+)
+from .infinite_lattice.maps import StabilityMap as StabilityMap
+from .infinite_lattice.maps import stability_map as stability_map
+from .infinite_lattice.paths import (
+    PATHS as PATHS,
+)
+from .infinite_lattice.paths import (
+    hydrostatic as hydrostatic,
+)
+from .infinite_lattice.paths import (
+    simple_shear as simple_shear,
+)
+from .infinite_lattice.paths import (
+    uniaxial_strain as uniaxial_strain,
+)
+from .infinite_lattice.paths import (
+    uniaxial_stress as uniaxial_stress,
+)
 from .models import (
-    CATALOGUE,
-    LPS,
-    AbstractModel,
-    BondAssociated,
-    BondAssociatedForce,
-    BondBased,
-    BondLevel,
-    BondLevelAverage,
-    Correspondence,
-    LittlewoodControl,
-    PointStateModel,
-    ReproducingKernel,
-    SethHill,
-    SillingControl,
-    SubHorizon,
-    TupekRadovitzky,
-    TwoStageModel,
-    WanControl,
-    graded,
-    linearised,
-    plane_bulk_modulus,
+    CATALOGUE as CATALOGUE,
 )
-from .models.kinematics import bond_average_strain, local_strain, log_stretch, shape_tensor_K, shape_tensor_L
-from .models.laws import EnergyLaw, Law, LinearElastic, NeoHookean
-from .studies import closed_forms
-from .tangent.jacobian import jacobian, jvp
+from .models import (
+    LPS as LPS,
+)
+from .models import (
+    AbstractModel as AbstractModel,
+)
+from .models import (
+    BondAssociated as BondAssociated,
+)
+from .models import (
+    BondAssociatedForce as BondAssociatedForce,
+)
+from .models import (
+    BondBased as BondBased,
+)
+from .models import (
+    BondLevel as BondLevel,
+)
+from .models import (
+    BondLevelAverage as BondLevelAverage,
+)
+from .models import (
+    Correspondence as Correspondence,
+)
+from .models import (
+    LittlewoodControl as LittlewoodControl,
+)
+from .models import (
+    PointStateModel as PointStateModel,
+)
+from .models import (
+    ReproducingKernel as ReproducingKernel,
+)
+from .models import (
+    SethHill as SethHill,
+)
+from .models import (
+    SillingControl as SillingControl,
+)
+from .models import (
+    SubHorizon as SubHorizon,
+)
+from .models import (
+    TupekRadovitzky as TupekRadovitzky,
+)
+from .models import (
+    TwoStageModel as TwoStageModel,
+)
+from .models import (
+    WanControl as WanControl,
+)
+from .models import (
+    graded as graded,
+)
+from .models import (
+    linearised as linearised,
+)
+from .models import (
+    plane_bulk_modulus as plane_bulk_modulus,
+)
+from .models.kinematics import (
+    bond_average_strain as bond_average_strain,
+)
+from .models.kinematics import (
+    local_strain as local_strain,
+)
+from .models.kinematics import (
+    log_stretch as log_stretch,
+)
+from .models.kinematics import (
+    shape_tensor_K as shape_tensor_K,
+)
+from .models.kinematics import (
+    shape_tensor_L as shape_tensor_L,
+)
+from .models.laws import EnergyLaw as EnergyLaw
+from .models.laws import Law as Law
+from .models.laws import LinearElastic as LinearElastic
+from .models.laws import NeoHookean as NeoHookean
+from .studies import closed_forms as closed_forms
+from .tangent.jacobian import jacobian as jacobian
+from .tangent.jacobian import jvp as jvp
+
+__version__ = "0.1.0"
+Family = LatticeFamily
+
+_xla.set_flag()
+_moved.install()
 
 
 def __getattr__(name: str):
-    if name in ("figures", "export"):
-        return _importlib.import_module(f".{name}", __name__)
-    raise AttributeError(f"module 'pdjax' has no attribute {name!r}")
-
-
-__all__ = [
-    "CATALOGUE",
-    "CRITERIA",
-    "LPS",
-    "PATHS",
-    "AbstractModel",
-    "Atlas",
-    "BodyCritical",
-    "BodyStability",
-    "BondAssociated",
-    "BondAssociatedForce",
-    "BondBased",
-    "BondLevel",
-    "BondLevelAverage",
-    "Bonds",
-    "CellStability",
-    "Correspondence",
-    "Dispersion",
-    "Energies",
-    "EnergyLaw",
-    "Equilibrium",
-    "EquilibriumPath",
-    "Failure",
-    "Families",
-    "Family",
-    "ForceOperator",
-    "History",
-    "Hold",
-    "Law",
-    "LinearElastic",
-    "LittlewoodControl",
-    "Motion",
-    "NeighbourReport",
-    "NeoHookean",
-    "Plane",
-    "PointStateModel",
-    "Points",
-    "Polygon",
-    "Ramp",
-    "Rate",
-    "ReproducingKernel",
-    "Scene",
-    "Segment",
-    "SethHill",
-    "SillingControl",
-    "SlabForce",
-    "SmoothRamp",
-    "Stability",
-    "StabilityMap",
-    "SubHorizon",
-    "TupekRadovitzky",
-    "TwoStageModel",
-    "WanControl",
-    "advise",
-    "amplitude",
-    "bar",
-    "body_critical_load",
-    "body_force",
-    "body_inertia",
-    "body_spectrum",
-    "body_stability",
-    "bond_average_strain",
-    "cauchy_stress",
-    "cell_families",
-    "cell_stability",
-    "cell_symbol",
-    "center_block",
-    "classical_frequency",
-    "closed_forms",
-    "cloud",
-    "constant_influence",
-    "critical_load",
-    "critical_time_step",
-    "cubic_spline_influence",
-    "cuboid",
-    "cut",
-    "diffrax_start",
-    "diffrax_terms",
-    "dilatation",
-    "dispersion",
-    "energy_density",
-    "equilibrium_path",
-    "export",
-    "families",
-    "figures",
-    "force_density",
-    "force_operator",
-    "force_state",
-    "gaussian_influence",
-    "graded",
-    "homogeneous_traction",
-    "hydrostatic",
-    "inverse_distance_influence",
-    "jacobian",
-    "jvp",
-    "lattice",
-    "lattice_family",
-    "linear_influence",
-    "linearised",
-    "load_slope",
-    "local_strain",
-    "log_stretch",
-    "measured_rate",
-    "model_atlas",
-    "motion",
-    "neighbour_report",
-    "observers",
-    "p_wave_modulus",
-    "parabolic_influence",
-    "partial_volume_influence",
-    "piola_stress",
-    "plane_bulk_modulus",
-    "plate",
-    "prescribe",
-    "relaxed",
-    "scene",
-    "scenes",
-    "shape_tensor_K",
-    "shape_tensor_L",
-    "sharded_vmap",
-    "simple_shear",
-    "simulate",
-    "simulate_diffrax",
-    "slab_force",
-    "solve",
-    "stability",
-    "stability_map",
-    "stable_orders",
-    "strain",
-    "strain_energy",
-    "stress",
-    "symbol",
-    "symplectic_terms",
-    "total_force",
-    "uniaxial_strain",
-    "uniaxial_stress",
-    "use_compilation_cache",
-    "verlet_rate",
-    "von_mises",
-    "weighted_volume",
-    "zero_energy_waves",
-]
+    if name == "figures":  # it loads matplotlib
+        return _importlib.import_module(".figures", __name__)
+    if name == "export":  # it loads meshio
+        return _importlib.import_module(".files.vtk", __name__)
+    raise AttributeError(f"module 'pdjax' has no attribute {name!r}{_moved.hint(name)}")

@@ -96,7 +96,7 @@ def namespace(*trees: Any) -> Any:
     return np if is_concrete(*trees) else jnp
 
 
-def still(tree: Any) -> Any:
+def frozen(tree: Any) -> Any:
     """The tree with no derivative flowing through it; values that are known stay as they are."""
     return jax.tree.map(lambda x: jax.lax.stop_gradient(x) if isinstance(x, jax.core.Tracer) else x, tree)
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from .._internal.doors import taught
+from .._internal.public import public_function
 from ..finite_body.dynamics.system import Motion
 from ..finite_body.scene import Scene
 
@@ -109,7 +109,7 @@ def _worst(rows: list[dict]) -> list[dict]:
     ]
 
 
-@taught
+@public_function
 def advise(scene: Scene | Motion | str, tol: float, data: str | os.PathLike | None = None) -> Advice:
     """The cheapest measured setting whose error meets a tolerance.
 

@@ -46,8 +46,8 @@ def model(case: str) -> SethHill:
 
 def load(case: str, criterion: str, intervals: int | None = None) -> float:
     """a_cr of one load."""
-    fam, side = lattice_family(2, N), LOADS[case][1]
-    return float(critical_load(model(case), fam, uniaxial_strain, criterion, side, resolution=intervals))
+    family, side = lattice_family(2, N), LOADS[case][1]
+    return float(critical_load(model(case), family, uniaxial_strain, criterion, side, resolution=intervals))
 
 
 @cache
@@ -68,14 +68,14 @@ def criterion(case: str, name: str, intervals: int | None = None) -> dict:
 
 def grid(case: str, intervals: int) -> dict:
     """a_cr by bisection on the best grid point alone."""
-    fam, of, zone = lattice_family(2, N), model(case), brillouin_zone(2, intervals, "orthorhombic")
+    family, of, zone = lattice_family(2, N), model(case), brillouin_zone(2, intervals, "orthorhombic")
 
     @jax.jit
     def margin(a):
-        phases = wave_phases(fam, jnp.asarray(zone.grid))
-        F = uniaxial_strain(a, of, fam)
-        top = largest_eigenvalue(homogeneous_tangent(of, fam, F).components(phases))
-        return jnp.max(top / phases.kappa2) / modulus_at_rest(of, fam)
+        phases = wave_phases(family, jnp.asarray(zone.grid))
+        F = uniaxial_strain(a, of, family)
+        top = largest_eigenvalue(homogeneous_tangent(of, family, F).components(phases))
+        return jnp.max(top / phases.kappa2) / modulus_at_rest(of, family)
 
     def bisected() -> float:
         stable, unstable = 0.0, 1.2 * exact(case)

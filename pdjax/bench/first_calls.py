@@ -53,8 +53,8 @@ def _compressed(dim: int) -> np.ndarray:
 
 
 def _stability(dim: int, model: pd.AbstractModel) -> Call:
-    fam = pd.lattice_family(dim, 3)
-    return lambda: pd.stability(model, fam, _compressed(dim))
+    family = pd.lattice_family(dim, 3)
+    return lambda: pd.stability(model, family, _compressed(dim))
 
 
 def _second_model() -> Call:
@@ -63,8 +63,8 @@ def _second_model() -> Call:
 
 
 def _critical_load(criterion: str) -> Call:
-    model, fam = _seth_hill(), pd.lattice_family(2, 3)
-    return lambda: pd.critical_load(model, fam, pd.hydrostatic, criterion)
+    model, family = _seth_hill(), pd.lattice_family(2, 3)
+    return lambda: pd.critical_load(model, family, pd.hydrostatic, criterion)
 
 
 def _critical_load_after_stability() -> Call:
@@ -73,15 +73,15 @@ def _critical_load_after_stability() -> Call:
 
 
 def _center_block() -> Call:
-    model, fam = _seth_hill(), pd.lattice_family(2, 3)
-    return lambda: pd.center_block(model, fam, _compressed(2))
+    model, family = _seth_hill(), pd.lattice_family(2, 3)
+    return lambda: pd.center_block(model, family, _compressed(2))
 
 
 def _body(function: Callable) -> Call:
     """Silling's model with its penalty on 10³ points, families of up to 122 bonds."""
-    model, fams = _silling(), pd.families(pd.lattice((10, 10, 10)), 3.0)
+    model, families = _silling(), pd.families(pd.lattice((10, 10, 10)), 3.0)
     u = 1e-3 * np.random.default_rng(0).normal(size=(1000, 3))
-    return lambda: function(model, fams, u)
+    return lambda: function(model, families, u)
 
 
 def _body_stability() -> Call:
@@ -105,19 +105,19 @@ def _simulate() -> Call:
 def _plate(function: Callable) -> Call:
     """Seth–Hill's model on 5 × 3 points, at rest."""
     body = pd.lattice((5, 3))
-    model, fams, u = _seth_hill(), pd.families(body, 2.0), np.zeros((15, 2))
-    return lambda: function(model, fams, u)
+    model, families, u = _seth_hill(), pd.families(body, 2.0), np.zeros((15, 2))
+    return lambda: function(model, families, u)
 
 
 def _scene() -> Call:
     body = pd.lattice((5, 3))
-    model, fams = _seth_hill(), pd.families(body, 2.0)
-    return lambda: pd.scene(body, fams, model, pd.prescribe([0, 1, 2], 0.0))
+    model, families = _seth_hill(), pd.families(body, 2.0)
+    return lambda: pd.scene(body, families, model, pd.prescribe([0, 1, 2], 0.0))
 
 
 def _force_state() -> Call:
-    model, fam = _seth_hill(), pd.lattice_family(2, 3)
-    return lambda: pd.force_state(model, fam, _compressed(2))
+    model, family = _seth_hill(), pd.lattice_family(2, 3)
+    return lambda: pd.force_state(model, family, _compressed(2))
 
 
 def _energy() -> Call:

@@ -22,7 +22,7 @@ import numpy as np
 
 from ..force.fields import whole_force
 from ..force.operator import force_density
-from ..geometry.neighbour_search import families
+from ..geometry import neighbour_search
 from ..geometry.points import lattice
 from ..models import Correspondence
 from ..models.kinematics import gradient_of_moments, solve_positive
@@ -82,13 +82,13 @@ def plan(quick: bool) -> Iterator[Task]:
 
 def _body(model, polynomial, shape: tuple[int, ...], horizon: float, steps) -> Iterator[Task]:
     """Every method on one lattice, displaced at random by at most 2 % of a spacing."""
-    fams = families(lattice(shape), horizon)
-    u = jnp.asarray(0.02 * np.random.default_rng(7).uniform(-1, 1, (len(fams), fams.dim)))
+    families = neighbour_search.families(lattice(shape), horizon)
+    u = jnp.asarray(0.02 * np.random.default_rng(7).uniform(-1, 1, (len(families), families.dim)))
     body = {"body": " × ".join(map(str, shape)), "horizon": horizon, "unknowns": u.size}
     known: list[np.ndarray] = []
 
     def force(w):
-        return force_density(model, fams, w)
+        return force_density(model, families, w)
 
     def error(J) -> float:
         if not known:
@@ -101,7 +101,7 @@ def _body(model, polynomial, shape: tuple[int, ...], horizon: float, steps) -> I
         return row | {"error": error(J)}
 
     def imaginary():
-        written = lambda w: whole_force(polynomial, fams, fams.bonds(w))  # noqa: E731
+        written = lambda w: whole_force(polynomial, families, families.bonds(w))  # noqa: E731
         J, row = kernel(lambda u: complex_step(written, u), u, repeats=3)
         return row | {"error": error(J)}
 
@@ -110,7 +110,7 @@ def _body(model, polynomial, shape: tuple[int, ...], horizon: float, steps) -> I
         return row | {"error": error(J)}
 
     def sparse(make):
-        J, row = hosted(lambda: make(model, fams, u))
+        J, row = hosted(lambda: make(model, families, u))
         return row | {"error": error(J), "nonzeros": int(J.nnz)}
 
     for h in steps:

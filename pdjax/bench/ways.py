@@ -19,8 +19,8 @@ import numpy as np
 
 from ..force.backends.fft import Convolution
 from ..force.operator import ForceOperator, force_density, force_operator, ways_of
+from ..geometry import neighbour_search
 from ..geometry.bonds import Families
-from ..geometry.neighbour_search import families
 from ..geometry.points import lattice
 from ..models import LPS, BondBased, Correspondence, SethHill
 from ..models.laws import LinearElastic
@@ -40,8 +40,8 @@ BONDS = 5e7  # padded arrays beyond that many bonds are not made: 48 bytes each,
 def _body(n: int, horizon: float) -> tuple[Families, jax.Array]:
     body = lattice((n, n, n))
     bonds = n**3 * 4.2 * horizon**3
-    fams = families(body, horizon, arrays=bonds < BONDS)
-    return fams, jnp.asarray(1e-2 * np.random.default_rng(1).normal(size=(n**3, 3)))
+    families = neighbour_search.families(body, horizon, arrays=bonds < BONDS)
+    return families, jnp.asarray(1e-2 * np.random.default_rng(1).normal(size=(n**3, 3)))
 
 
 def _call(operator: ForceOperator, u: jax.Array) -> jax.Array:
@@ -56,26 +56,26 @@ def _there_and_back(back: int, plan: Convolution, x: jax.Array) -> jax.Array:
 
 def evaluate(model: str, way: str, n: int, horizon: float) -> dict:
     """One row."""
-    fams, u = _body(n, horizon)
+    families, u = _body(n, horizon)
     start = time.perf_counter()
-    operator = force_operator(MODELS[model], fams, way)
+    operator = force_operator(MODELS[model], families, way)
     jax.block_until_ready(jax.tree.leaves(operator.plan))
     prepared = time.perf_counter() - start
     f, row = kernel(_call, operator, u)
-    closure = jax.jit(lambda u: force_density(MODELS[model], fams, u, way=way))
-    plain, closed = hosted(lambda: force_density(MODELS[model], fams, u, way=way))[1], hosted(lambda: closure(u))[1]
+    closure = jax.jit(lambda u: force_density(MODELS[model], families, u, way=way))
+    plain, closed = hosted(lambda: force_density(MODELS[model], families, u, way=way))[1], hosted(lambda: closure(u))[1]
     row |= {"plain_seconds": plain["seconds"], "closure_seconds": closed["seconds"]}
     other = "slices" if way != "slices" else "families"
     error = None
-    if other in ways_of(MODELS[model], fams):
-        known = force_operator(MODELS[model], fams, other)(u)
+    if other in ways_of(MODELS[model], families):
+        known = force_operator(MODELS[model], families, other)(u)
         error = float(jnp.max(jnp.abs(f - known)) / jnp.max(jnp.abs(known)))
     if isinstance(operator.plan, Convolution):
         forth, back = operator.plan.plan.transforms
         x = jnp.zeros((forth, n**3)).at[:, 0].set(1.0)
         _, floor = kernel(partial(_there_and_back, back), operator.plan, x)
         row["transform_seconds"] = floor["seconds"]
-    bonds = float(fams.count.sum())
+    bonds = float(families.count.sum())
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
     more = {"prepare_seconds": prepared, "nanoseconds_a_bond": 1e9 * row["seconds"] / bonds, "peak_GiB_so_far": peak}
     return row | more | {"error": error, "points": n**3, "bonds": bonds}

@@ -4,10 +4,11 @@ import argparse
 import math
 from typing import Any
 
-from .motions import Job, write_picture
+from .._internal.pictures import write_picture
+from .common import Job
 
 
-def add_atlas(jobs: Any, formatter: Any) -> None:
+def add(jobs: Any, formatter: Any) -> None:
     """The arguments of the job."""
     job = jobs.add_parser(
         "atlas",
@@ -59,7 +60,7 @@ def table(records: list[dict], dim: int, N: float) -> str:
     return "\n".join(lines)
 
 
-def run_atlas(arguments: argparse.Namespace) -> Job:
+def run(arguments: argparse.Namespace) -> Job:
     """Do the job: what goes to --json, and what writes the picture."""
     import pdjax as pd
     from pdjax._internal.checks import writable

@@ -4,10 +4,10 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from .motions import Job
+from .common import Job
 
 
-def add_bench(jobs: Any, formatter: Any) -> None:
+def add(jobs: Any, formatter: Any) -> None:
     """The arguments of the job."""
     job = jobs.add_parser(
         "bench",
@@ -29,7 +29,7 @@ def add_bench(jobs: Any, formatter: Any) -> None:
     job.add_argument("--json", action="store_true", help="print one JSON object instead of text")
 
 
-def run_bench(arguments: argparse.Namespace) -> Job:
+def run(arguments: argparse.Namespace) -> Job:
     """Do the job; the files are written as the cases finish."""
     from ..bench.cases import CASES
     from ..bench.device import ROOFS, device_name, report

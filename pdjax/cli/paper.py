@@ -6,10 +6,10 @@ from contextlib import closing
 from pathlib import Path
 from typing import Any
 
-from .motions import Job
+from .common import Job
 
 
-def add_paper(jobs: Any, formatter: Any) -> None:
+def add(jobs: Any, formatter: Any) -> None:
     """The arguments of the job."""
     job = jobs.add_parser(
         "paper",
@@ -26,7 +26,7 @@ def add_paper(jobs: Any, formatter: Any) -> None:
     job.add_argument("--json", action="store_true", help="print one JSON object instead of text")
 
 
-def run_paper(arguments: argparse.Namespace) -> Job:
+def run(arguments: argparse.Namespace) -> Job:
     """Do the job: what goes to --json; every file is written on the way."""
     from .._internal.checks import choice
     from ..studies.paper import FIGURES, making, results

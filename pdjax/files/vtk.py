@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .._internal.checks import moved_whole, on_host, writable, written_whole
-from .._internal.doors import taught
+from .._internal.public import public_function
 from ..finite_body.dynamics.history import History
 from ..finite_body.scene import Scene
 from ..finite_body.statics.arc_length import EquilibriumPath
@@ -72,7 +72,7 @@ def _states(result: Any) -> _States:
     )
 
 
-@taught
+@public_function
 def write_vtk(
     body: Body,
     result: Result | str | os.PathLike | None = None,

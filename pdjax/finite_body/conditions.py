@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .._internal.checks import as_array, native
-from .._internal.doors import taught
+from .._internal.public import public_function
 from ..models.base import AbstractModel
 
 
@@ -85,7 +85,7 @@ def check_points(what: str, points: np.ndarray, mask: int | None, count: int) ->
     return points
 
 
-@taught
+@public_function
 def prescribe(points, u=0.0, components=None) -> Prescribed:
     """Hold points at a displacement.
 
@@ -98,19 +98,19 @@ def prescribe(points, u=0.0, components=None) -> Prescribed:
     return Prescribed(*point_numbers(points), as_array(u, name="u"), chosen)
 
 
-@taught
+@public_function
 def body_force(points, b) -> BodyForce:
     """A body force density b [force/length^dim]: a number in 1D, (dim,), or (points named, dim)."""
     return BodyForce(*point_numbers(points), as_array(b, name="b"))
 
 
-@taught
+@public_function
 def total_force(points, force) -> TotalForce:
     """A force (dim,) [force] spread evenly over the points named: the crude traction of the module's head."""
     return TotalForce(*point_numbers(points), as_array(force, name="force"))
 
 
-@taught
+@public_function
 def homogeneous_traction(points, F, model: AbstractModel | None = None) -> HomogeneousTraction:
     """The exact traction of the module's head over the layer of points named, for the homogeneous deformation F.
 

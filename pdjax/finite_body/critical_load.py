@@ -19,9 +19,9 @@ import numpy as np
 from jaxtyping import Array
 
 from .._internal.checks import in_double
-from .._internal.doors import taught
+from .._internal.public import public_function
 from .factorisation import Factor, Singular, as_operator, count_positive, matrix, product_rate, unknown_volumes
-from .scene import Scene, still
+from .scene import Scene, frozen
 from .spectrum import _full, _norm, _scaled, _tolerance, closed_form, nearest, need_energy, shifted
 
 PROOF = 1e-6  # relative distance of the two proving factors
@@ -99,7 +99,7 @@ class _Walk:
         return BodyCritical(float(factor), mode, tuple(self.seen), proved)
 
 
-@taught
+@public_function
 @in_double
 def body_critical_load(
     scene: Scene,
@@ -114,7 +114,7 @@ def body_critical_load(
     Returns: `BodyCritical`. Raises: ValueError without a path or closed form, or for a model without an energy.
     """
     need_energy(scene)
-    scene = still(scene)
+    scene = frozen(scene)
     if path is None:
         form = np.asarray(closed_form(scene, "a path, load factor -> u (points, dim)"))
     if not limit > 0:
@@ -125,40 +125,40 @@ def body_critical_load(
             return (factor * form).astype(form.dtype), form
         return _rate(path, np.asarray(factor, jnp.result_type(float)))
 
-    walk = _Walk(scene, along)
-    H, rate = walk.state(0.0)
-    lu = walk.factorised(H)
-    walk.seen.append((0.0, lu.positive))
-    if walk.seen[0][1] > 0:
-        return walk.answer(0.0, _near_zero(H, lu, None)[1], True)
+    traversal = _Walk(scene, along)
+    H, rate = traversal.state(0.0)
+    lu = traversal.factorised(H)
+    traversal.seen.append((0.0, lu.positive))
+    if traversal.seen[0][1] > 0:
+        return traversal.answer(0.0, _near_zero(H, lu, None)[1], True)
     import scipy.sparse.linalg as sla
 
     inverse = sla.LinearOperator(H.shape, matvec=lambda v: -lu.solve(v), dtype=float)
     strength, vector = sla.eigsh(rate, k=1, M=-H, Minv=inverse, which="LA", tol=1e-6)
     del lu, inverse, H  # one factor at a time: it is most of the memory
     first = min(1 / strength[0], limit) if strength[0] > 0 else limit
-    return _search(walk, first, vector[:, 0], limit)
+    return _search(traversal, first, vector[:, 0], limit)
 
 
-def _search(walk: _Walk, factor: float, w: np.ndarray, limit: float) -> BodyCritical:
+def _search(traversal: _Walk, factor: float, w: np.ndarray, limit: float) -> BodyCritical:
     """From a guess of the load factor and of the mode to the proved crossing: the module's head."""
     stable, unstable = 0.0, np.inf
-    while len(walk.seen) < MOST:
+    while len(traversal.seen) < MOST:
         if stable >= limit:
-            return walk.answer(np.inf, None, True)
-        H, rate = walk.state(factor)
-        lu = walk.factorised(H)
+            return traversal.answer(np.inf, None, True)
+        H, rate = traversal.state(factor)
+        lu = traversal.factorised(H)
         value, w = _near_zero(H, lu, w)
         count = lu.positive if lu.cheap else int(value > 0)  # where counting is dear the proof comes at the end
         del lu
-        walk.seen.append((float(factor), count))
+        traversal.seen.append((float(factor), count))
         slope = float(w @ (rate @ w)) / float(w @ w)
         new = factor - value / slope if slope != 0 else limit
         if abs(new - factor) <= 0.1 * PROOF * abs(new):
-            if walk.unstable_at(new * (1 - PROOF)):
+            if traversal.unstable_at(new * (1 - PROOF)):
                 unstable = min(unstable, new * (1 - PROOF))
-            elif walk.unstable_at(new * (1 + PROOF)):
-                return walk.answer(new, w, True)
+            elif traversal.unstable_at(new * (1 + PROOF)):
+                return traversal.answer(new, w, True)
             else:
                 stable = max(stable, new * (1 + PROOF))
             new = np.nan  # an eigenvalue crosses here, but not the first: go on between the bounds
@@ -166,7 +166,7 @@ def _search(walk: _Walk, factor: float, w: np.ndarray, limit: float) -> BodyCrit
             stable = max(stable, factor)
             if slope <= 0 or new > limit:
                 if factor >= limit:
-                    return walk.answer(np.inf, None, True)
+                    return traversal.answer(np.inf, None, True)
                 new = limit
         else:
             unstable = min(unstable, factor)
@@ -175,4 +175,4 @@ def _search(walk: _Walk, factor: float, w: np.ndarray, limit: float) -> BodyCrit
         if not stable < new < unstable:
             new = 0.5 * (stable + unstable) if np.isfinite(unstable) else limit
         factor = new
-    return walk.answer(0.5 * (stable + min(unstable, limit)), w, False)
+    return traversal.answer(0.5 * (stable + min(unstable, limit)), w, False)

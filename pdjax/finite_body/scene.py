@@ -21,7 +21,7 @@ import scipy.sparse as sp
 from jaxtyping import Array, Bool, Float, Int
 
 from .._internal.checks import as_array, deformation_gradient, is_concrete, namespace, on_device, on_host
-from .._internal.doors import taught
+from .._internal.public import public_function
 from ..force.fields import check_model
 from ..force.operator import ForceOperator, force_density, force_operator
 from ..geometry.bonds import Families
@@ -139,7 +139,7 @@ def _prescribe(conditions: Sequence[Condition], shape: tuple[int, int], eps: flo
     return held, value
 
 
-def _load(conditions: Sequence[Condition], body: Points, fams: Families, model, held: np.ndarray) -> Any:
+def _load(conditions: Sequence[Condition], body: Points, families: Families, model, held: np.ndarray) -> Any:
     load: Any = np.zeros(held.shape, jnp.result_type(float))
     for condition in conditions:
         if isinstance(condition, Prescribed):
@@ -149,7 +149,7 @@ def _load(conditions: Sequence[Condition], body: Points, fams: Families, model, 
         if isinstance(condition, HomogeneousTraction):
             F = deformation_gradient(condition.F, body.dim)
             pulled = model if condition.model is None else condition.model
-            force = on_host(force_density(pulled, fams, on_device(np.zeros(held.shape)), F))
+            force = on_host(force_density(pulled, families, on_device(np.zeros(held.shape)), F))
             b = namespace(force).where(held[p], 0.0, -force[p])
         elif isinstance(condition, TotalForce):
             force = on_host(condition.force)
@@ -207,15 +207,15 @@ def _name_motions(loose: np.ndarray, names: list[str], dim: int) -> list[str]:
     return [names[k] for k in sorted([*pure, *mixed[: len(span) - len(pure)]])]
 
 
-def _check_held(body: Points, fams: Families, held: np.ndarray) -> None:
+def _check_held(body: Points, families: Families, held: np.ndarray) -> None:
     """Refuse rigid motions that nothing holds, by name, piece by piece; under a transformation it can't look."""
-    if not is_concrete(fams):
+    if not is_concrete(families):
         return
     from scipy.sparse.csgraph import connected_components
 
-    true = np.asarray(fams.weight) * np.asarray(fams.influence) > 0
+    true = np.asarray(families.weight) * np.asarray(families.influence) > 0
     i, slot = np.nonzero(true)
-    graph = sp.coo_array((np.ones(len(i)), (i, np.asarray(fams.neighbours)[i, slot])), shape=(len(body),) * 2)
+    graph = sp.coo_array((np.ones(len(i)), (i, np.asarray(families.neighbours)[i, slot])), shape=(len(body),) * 2)
     pieces, label = connected_components(graph, directed=False)
     for piece in range(pieces):
         inside = np.flatnonzero(label == piece)
@@ -243,17 +243,17 @@ def _check_conditions(conditions: Sequence[Any]) -> None:
     for condition in conditions:
         if isinstance(condition, list | tuple) and not isinstance(condition, Condition):
             raise ValueError(
-                "conditions are given one by one, scene(body, fams, model, held, pulled): put a star before a list of"
+                "conditions are given one by one, scene(body, families, model, held, pulled): put a star before a list of"
                 " them, *conditions"
             )
         if not isinstance(condition, Condition):
             raise ValueError(f"conditions must come from prescribe, body_force, total_force …; got {condition!r:.80}")
 
 
-@taught
+@public_function
 def scene(
     body: Points,
-    fams: Families,
+    families: Families,
     model: AbstractModel,
     *conditions: Any,
     mean=None,
@@ -263,7 +263,7 @@ def scene(
 ) -> Scene:
     """A boundary value problem: a body, a model and its conditions.
 
-    Arguments: body, fams = families(body, …), model; conditions from `prescribe`, `body_force`, `total_force`,
+    Arguments: body, families = families(body, …), model; conditions from `prescribe`, `body_force`, `total_force`,
         `homogeneous_traction`; mean (dim, dim) mean deformation of a periodic body at load factor 1; closed_form
         (points, dim) [length], a displacement known to solve it or to be compared with it; moving: for dynamics, where
         rigid motions need not be held.
@@ -271,20 +271,22 @@ def scene(
         nothing left free, or a rigid motion of a piece that nothing holds (named).
     """
     check_body("body", body)
-    check_model(model, fams, Families)  # refuses families the model can't use
+    check_model(model, families, Families)  # refuses families the model can't use
     _check_conditions(conditions)
-    if len(fams) != len(body) or fams.dim != body.dim:
-        raise ValueError(f"fams must be families of this body of {len(body)} points; got those of {len(fams)} points")
+    if len(families) != len(body) or families.dim != body.dim:
+        raise ValueError(
+            f"families must be families of this body of {len(body)} points; got those of {len(families)} points"
+        )
     if mean is not None and body.period is None:
         raise ValueError("mean deformation is for periodic bodies; prescribe displacements of this one instead")
     shape = (len(body), body.dim)
-    held, value = _prescribe(conditions, shape, 16 * float(jnp.finfo(fams.dtype).eps))
+    held, value = _prescribe(conditions, shape, 16 * float(jnp.finfo(families.dtype).eps))
     if held.all():
         raise ValueError("the body is over-constrained: every displacement is prescribed and nothing is left to solve")
     if not moving:
-        _check_held(body, fams, held)
-    load = _load(conditions, body, fams, model, held)
-    real = fams.dtype
+        _check_held(body, families, held)
+    load = _load(conditions, body, families, model, held)
+    real = families.dtype
     if closed_form is not None:
         closed_form = as_array(closed_form, real)
         if closed_form.shape != shape:
@@ -293,7 +295,7 @@ def scene(
         mean = as_array(deformation_gradient(mean, body.dim), real)
     return Scene(
         body,
-        fams,
+        families,
         model,
         np.flatnonzero(~held.reshape(-1)).astype(np.int32),
         on_device(value.astype(real)),
@@ -304,9 +306,9 @@ def scene(
     )
 
 
-def still(scene: Any) -> Any:
+def frozen(scene: Any) -> Any:
     """The scene with no derivative flowing through it: itself, with all that its families remember, if all is known."""
     if is_concrete(scene):
         return scene
-    frozen = jax.lax.stop_gradient(eqx.filter(scene, eqx.is_array))
-    return eqx.combine(frozen, eqx.filter(scene, eqx.is_array, inverse=True))
+    arrays = jax.lax.stop_gradient(eqx.filter(scene, eqx.is_array))
+    return eqx.combine(arrays, eqx.filter(scene, eqx.is_array, inverse=True))

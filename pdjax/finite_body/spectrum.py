@@ -18,7 +18,7 @@ import scipy.sparse as sp
 from jaxtyping import Array
 
 from .._internal.checks import choice, in_double
-from .._internal.doors import taught
+from .._internal.public import public_function
 from ..force.fields import point_field
 from .factorisation import Factor, Singular, as_operator, count_positive, matrix, product, unknown_volumes
 from .scene import Scene
@@ -168,7 +168,7 @@ def _certified_top(H: sp.csc_array, count: int, tolerance: float) -> tuple:
     raise Singular("the top of the spectrum was not bracketed in 6 shifts")
 
 
-@taught
+@public_function
 @in_double
 def body_spectrum(scene: Scene, u=None, count: int | None = None, factor: float = 1.0, method: str = "auto") -> tuple:
     """The largest eigenvalues of the reduced Jacobian, largest first, and their modes.
@@ -231,7 +231,7 @@ def body_spectrum(scene: Scene, u=None, count: int | None = None, factor: float 
     return values, modes, about
 
 
-@taught
+@public_function
 @in_double
 def body_stability(scene: Scene, u=None, factor: float = 1.0, method: str = "auto") -> BodyStability:
     """Is a finite body stable at a displacement: the largest eigenvalue of its Jacobian, its mode, and the count.
@@ -253,7 +253,7 @@ def body_stability(scene: Scene, u=None, factor: float = 1.0, method: str = "aut
     )
 
 
-@taught
+@public_function
 @in_double
 def body_inertia(scene: Scene, u=None, factor: float = 1.0) -> int:
     """How many eigenvalues of the reduced Jacobian exceed rounding, from one sparse factor.

@@ -21,8 +21,8 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .._internal.checks import as_array, deformation_gradient, is_concrete, native
-from .._internal.doors import taught
-from ..geometry.bonds import EACH_BOND, Bonds, Families, Family
+from .._internal.public import public_function
+from ..geometry.bonds import EACH_BOND, Bonds, Families, LatticeFamily
 from ..models.base import AbstractModel, TwoStageModel
 from ..models.pointwise import each_point, none_if_empty, of_each_point, regular, split_model
 from .shape_tensors import check_shape_tensors
@@ -36,35 +36,39 @@ class Exchange(NamedTuple):
     back: Callable[[Array], Array]
 
 
-def plain_exchange(fams: Families) -> Exchange:
+def plain_exchange(families: Families) -> Exchange:
     """Within a body: by the neighbours' indices."""
-    return Exchange(lambda x: x[fams.neighbours], lambda x: x[fams.neighbours, fams.reverse])
+    return Exchange(lambda x: x[families.neighbours], lambda x: x[families.neighbours, families.reverse])
 
 
 _NEEDED = {
-    Family: "an infinite lattice is one Family, of pd.lattice_family(dim, N)",
+    LatticeFamily: "an infinite lattice is one LatticeFamily, of pd.lattice_family(dim, N)",
     Families: "a body has Families, of pd.families(body, horizon)",
 }
 
 
-def check_model(model: AbstractModel, fams: Family | Families, kind: type[Family] | type[Families]) -> None:
-    """Refuse what is not of the kind a function takes, one `Family` or the `Families` of a body; and a family whose
+def check_model(
+    model: AbstractModel, families: LatticeFamily | Families, kind: type[LatticeFamily] | type[Families]
+) -> None:
+    """Refuse what is not of the kind a function takes, one `LatticeFamily` or the `Families` of a body; and a family whose
     shape tensor the model needs and can't invert, with the point's index.
 
     Shape tensors are looked at once for each families object; a model or families that `eqx.tree_at` has changed are
     looked at anew. Nothing is said of values that are traced.
     """
-    if not isinstance(fams, kind):
-        raise ValueError(f"{_NEEDED[kind]}; got {type(fams).__name__}")
+    if not isinstance(families, kind):
+        raise ValueError(f"{_NEEDED[kind]}; got {type(families).__name__}")
     if not isinstance(model, AbstractModel):
         raise ValueError(f"model must be a pdjax model such as SethHill or Correspondence; got {model!r}")
-    if fams.dim not in model.dims:
+    if families.dim not in model.dims:
         allowed = " or ".join(f"{d}" for d in model.dims)
-        raise ValueError(f"{type(model).__name__} is defined in dimension {allowed}; this family has dim {fams.dim}")
-    if isinstance(fams, Family):
+        raise ValueError(
+            f"{type(model).__name__} is defined in dimension {allowed}; this family has dim {families.dim}"
+        )
+    if isinstance(families, LatticeFamily):
         _refuse_varying(model)
-    if is_concrete(fams):
-        check_shape_tensors(model, fams)
+    if is_concrete(families):
+        check_shape_tensors(model, families)
 
 
 _ONE_NUMBER = {"c", "m", "bulk", "shear", "g", "C", "r", "lam", "mu", "factor"}
@@ -80,12 +84,12 @@ def _refuse_varying(model: AbstractModel) -> None:
             )
 
 
-def point_field(u, fams: Families, name: str = "u") -> Array:
+def point_field(u, families: Families, name: str = "u") -> Array:
     """`u` as a (points, dim) array, refused where its shape is wrong or it is not finite."""
     known = is_concrete(u)
     u = u if isinstance(u, jax.Array) else native(name, u) if known else jnp.asarray(u)
-    if u.shape != (len(fams), fams.dim):
-        raise ValueError(f"{name} must have shape (points, dim) = ({len(fams)}, {fams.dim}); got {u.shape}")
+    if u.shape != (len(families), families.dim):
+        raise ValueError(f"{name} must have shape (points, dim) = ({len(families)}, {families.dim}); got {u.shape}")
     if known:
         value = np.asarray(u)
         if not np.isfinite(value).all():
@@ -93,50 +97,50 @@ def point_field(u, fams: Families, name: str = "u") -> Array:
             raise ValueError(f"{name} must be finite; {bad.size} points are not, the first is point {bad[0]}")
     if jnp.issubdtype(u.dtype, jnp.inexact):
         return u if isinstance(u, jax.Array) else as_array(u, u.dtype)
-    return as_array(u, fams.dtype)
+    return as_array(u, families.dtype)
 
 
-def mean_deformation(F, fams: Families) -> Array | None:
-    return None if F is None else deformation_gradient(F, fams.dim)
+def mean_deformation(F, families: Families) -> Array | None:
+    return None if F is None else deformation_gradient(F, families.dim)
 
 
-def body_state(model: AbstractModel, fams: Families, u, F=None) -> tuple[Array, Array | None]:
+def body_state(model: AbstractModel, families: Families, u, F=None) -> tuple[Array, Array | None]:
     """The checked displacement and mean deformation (or None) of a body whose bonds are needed."""
-    check_model(model, fams, Families)
-    u, F = point_field(u, fams), mean_deformation(F, fams)
-    fams.need_arrays()
+    check_model(model, families, Families)
+    u, F = point_field(u, families), mean_deformation(F, families)
+    families.need_arrays()
     return u, F
 
 
 @eqx.filter_jit
-def _family_state(model: AbstractModel, fam: Family, F: Array) -> Array:
-    return model.force_state(fam.bonds(F))
+def _family_state(model: AbstractModel, family: LatticeFamily, F: Array) -> Array:
+    return model.force_state(family.bonds(F))
 
 
-@taught
-def force_state(model: AbstractModel, fam: Family, F) -> Float[Array, "bonds dim"]:
+@public_function
+def force_state(model: AbstractModel, family: LatticeFamily, F) -> Float[Array, "bonds dim"]:
     """T of one lattice family under the homogeneous deformation x = F X.
 
     Arguments: F (dim, dim) [-], det F > 0.  Returns: (bonds, dim) [force/length^(2 dim)].
     Raises: ValueError for det F ≤ 0, NaN, or a family whose shape tensor the model can't invert.
     """
-    check_model(model, fam, Family)
-    return _family_state(model, fam, deformation_gradient(F, fam.dim))
+    check_model(model, family, LatticeFamily)
+    return _family_state(model, family, deformation_gradient(F, family.dim))
 
 
-@taught
-def piola_stress(model: AbstractModel, fam: Family, F) -> Float[Array, "dim dim"]:
+@public_function
+def piola_stress(model: AbstractModel, family: LatticeFamily, F) -> Float[Array, "dim dim"]:
     """P = Σ V T⊗ξ = ∂W/∂F over affine maps [pressure]: the first Piola–Kirchhoff stress of a homogeneous state.
 
     Arguments, errors: as `force_state`.
     """
-    check_model(model, fam, Family)
-    return _compiled_stress(model, fam, deformation_gradient(F, fam.dim))
+    check_model(model, family, LatticeFamily)
+    return _compiled_stress(model, family, deformation_gradient(F, family.dim))
 
 
-def affine_stress(model: AbstractModel, fam: Family, F: Float[Array, "dim dim"]) -> Float[Array, "dim dim"]:
+def affine_stress(model: AbstractModel, family: LatticeFamily, F: Float[Array, "dim dim"]) -> Float[Array, "dim dim"]:
     """`piola_stress` unchecked, for drivers to trace."""
-    bonds = fam.bonds(F)
+    bonds = family.bonds(F)
     return jnp.einsum("b,bi,bj->ij", bonds.volume, model.force_state(bonds), bonds.xi)
 
 
@@ -193,51 +197,51 @@ def force_states(
 
 
 @eqx.filter_jit
-def whole_force(model: AbstractModel, fams: Families, bonds: Bonds) -> Float[Array, "points dim"]:
+def whole_force(model: AbstractModel, families: Families, bonds: Bonds) -> Float[Array, "points dim"]:
     """f of any model, all bonds at once; unchecked.
 
     Also with a point state it is T that travels: the program then holds the bond force once, not once for each end.
     """
-    exchange = plain_exchange(fams)
-    T = force_states(model, fams.volumes, bonds, exchange)
+    exchange = plain_exchange(families)
+    T = force_states(model, families.volumes, bonds, exchange)
     return jnp.einsum("pb,pbi->pi", bonds.volume, T - exchange.back(T))
 
 
 @eqx.filter_jit
-def _energy(model: AbstractModel, fams: Families, u: Array, F: Array | None) -> Float[Array, ""]:
-    return jnp.dot(fams.volumes, _energies(model, fams, u, F))
+def _energy(model: AbstractModel, families: Families, u: Array, F: Array | None) -> Float[Array, ""]:
+    return jnp.dot(families.volumes, _energies(model, families, u, F))
 
 
-def _energies(model: AbstractModel, fams: Families, u: Array, F: Array | None) -> Float[Array, " points"]:
-    bonds = fams.bonds(u, F)
+def _energies(model: AbstractModel, families: Families, u: Array, F: Array | None) -> Float[Array, " points"]:
+    bonds = families.bonds(u, F)
     if not isinstance(model, TwoStageModel):
         return each_point("energy", model, bonds)
-    return jnp.sum(_by_both_ends("bond_energy", model, bonds, plain_exchange(fams)), axis=1)
+    return jnp.sum(_by_both_ends("bond_energy", model, bonds, plain_exchange(families)), axis=1)
 
 
 energy_of_each = eqx.filter_jit(_energies)  # W of every point, unchecked
 
 
 @eqx.filter_jit
-def _each_point(method: str, model: AbstractModel, fams: Families, u: Array, F: Array | None) -> Array:
-    return each_point(method, model, fams.bonds(u, F))
+def _each_point(method: str, model: AbstractModel, families: Families, u: Array, F: Array | None) -> Array:
+    return each_point(method, model, families.bonds(u, F))
 
 
-@taught
-def strain_energy(model: AbstractModel, fams: Families, u, F=None) -> Float[Array, ""]:
+@public_function
+def strain_energy(model: AbstractModel, families: Families, u, F=None) -> Float[Array, ""]:
     """Π = Σ_i V_i W_i [energy] of a body; arguments and errors as `force_density`."""
-    return _energy(model, fams, *body_state(model, fams, u, F))
+    return _energy(model, families, *body_state(model, families, u, F))
 
 
-@taught
-def strain(model: AbstractModel, fams: Families, u, F=None) -> Float[Array, "points dim dim"]:
+@public_function
+def strain(model: AbstractModel, families: Families, u, F=None) -> Float[Array, "points dim dim"]:
     """The model's own strain at every point [-]: Ē_m for Seth–Hill, else Green–Lagrange of F̄."""
-    return _each_point("strain", model, fams, *body_state(model, fams, u, F))
+    return _each_point("strain", model, families, *body_state(model, families, u, F))
 
 
-@taught
-def stress(model: AbstractModel, fams: Families, u, F=None) -> Float[Array, "points dim dim"]:
+@public_function
+def stress(model: AbstractModel, families: Families, u, F=None) -> Float[Array, "points dim dim"]:
     """The model's stress at every point [pressure]: of `Correspondence`, `SethHill`, `TupekRadovitzky` the law's own,
     S = ∂Ψ/∂E for a law in E and P = ∂ψ/∂F for a law in F; of all others P = Σ V T⊗ξ of the family (with the point's
     own state at both ends of its bonds)."""
-    return _each_point("stress", model, fams, *body_state(model, fams, u, F))
+    return _each_point("stress", model, families, *body_state(model, families, u, F))

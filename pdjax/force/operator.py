@@ -30,16 +30,16 @@ from .._internal.checks import (
     on_host,
 )
 from .._internal.dependence import known_part
-from .._internal.doors import taught
 from .._internal.memory import remember, value_key
-from .._internal.xla import QUICK, quick_jit
+from .._internal.public import public_function
+from .._internal.xla import QUICK, compiled_with
 from ..geometry.bonds import Families
 from ..models.base import AbstractModel, PointStateModel
 from ..models.pointwise import split_model
 from ..models.promises import check_promises
 from .backends.fft import Convolution, has_kernels
 from .backends.streaming import reference_moments, reference_sums, streamed_force
-from .backends.traversal import GridWalk, SlotWalk, Walk
+from .backends.traversal import LatticeTraversal, SlotTraversal, Traversal
 from .fields import check_model, point_field, whole_force
 
 WAYS = ("auto", "families", "slices", "fft")
@@ -47,12 +47,12 @@ SMALL = 10_000  # bonds below which all go at once: a third of the time to compi
 MANY = 100  # offsets from which transforms of degree 1 beat slices (3D, N = 3 has 122; measured in `pdjax bench ways`)
 
 
-def _refusal(model: AbstractModel, fams: Families, way: str) -> str | None:
+def _refusal(model: AbstractModel, families: Families, way: str) -> str | None:
     """Why this model and body can't go this way; None if they can."""
     moments = isinstance(model, PointStateModel) and model.by_moments
     if way == "families":
-        return "they were made with arrays=False" if fams.xi is None else None
-    if fams.grid is None or not _alike(fams):
+        return "they were made with arrays=False" if families.xi is None else None
+    if families.grid is None or not _alike(families):
         return "they do not come from a lattice (`pd.lattice`, `bar`, `plate`, `cuboid`, without weights of their own)"
     if not moments:
         return f"{type(model).__name__} has no point state made of sums over single bonds"
@@ -60,44 +60,44 @@ def _refusal(model: AbstractModel, fams: Families, way: str) -> str | None:
         assert isinstance(model, PointStateModel)
         if not (model.degree and model.additive):
             return f"the force of {type(model).__name__} is no polynomial of the displacement (or its order is traced)"
-        if jax.tree.leaves(split_model(model, len(fams))[0]):
+        if jax.tree.leaves(split_model(model, len(families))[0]):
             return "a constant of the model varies from point to point"
-        if not has_kernels(model, fams):
+        if not has_kernels(model, families):
             return "moments or bond force depend on a constant of the model that is traced"
     return None
 
 
-def _alike(fams: Families) -> bool:
+def _alike(families: Families) -> bool:
     """Whether all points have the volume of a cell, as far as it is known."""
-    if not is_concrete(fams.volumes):
+    if not is_concrete(families.volumes):
         return True
 
     def found() -> bool:
-        volumes = np.asarray(fams.volumes)
+        volumes = np.asarray(families.volumes)
         return bool((np.abs(volumes - volumes[0]) <= 1e-6 * volumes[0]).all())
 
-    return remember(fams, "alike", found)
+    return remember(families, "alike", found)
 
 
-def ways_of(model: AbstractModel, fams: Families) -> tuple[str, ...]:
+def ways_of(model: AbstractModel, families: Families) -> tuple[str, ...]:
     """The ways that this model and these families can go, of "families", "slices", "fft"."""
-    return tuple(way for way in WAYS[1:] if _refusal(model, fams, way) is None)
+    return tuple(way for way in WAYS[1:] if _refusal(model, families, way) is None)
 
 
-def _choose(model: AbstractModel, fams: Families, way: str, mean: bool) -> str:
-    able = tuple(w for w in ways_of(model, fams) if not (mean and w == "fft"))
+def _choose(model: AbstractModel, families: Families, way: str, mean: bool) -> str:
+    able = tuple(w for w in ways_of(model, families) if not (mean and w == "fft"))
     if way != "auto":
         if way not in able:
-            why = _refusal(model, fams, way) or "a mean deformation F is no field on the lattice"
+            why = _refusal(model, families, way) or "a mean deformation F is no field on the lattice"
             raise ValueError(
                 f"way {way!r} does not apply here: {why}; ways that do: {', '.join(map(repr, able)) or 'none'}"
             )
         return way
     if not able:
         raise ValueError(f"{type(model).__name__} needs families with arrays; these were made with arrays=False")
-    if fams.xi is not None and math.prod(fams.xi.shape[:2]) < SMALL:
+    if families.xi is not None and math.prod(families.xi.shape[:2]) < SMALL:
         return "families"
-    if "fft" in able and model.degree == 1 and fams.grid is not None and len(fams.grid.offsets) >= MANY:
+    if "fft" in able and model.degree == 1 and families.grid is not None and len(families.grid.offsets) >= MANY:
         return "fft"
     return "slices" if "slices" in able else "families"
 
@@ -110,7 +110,7 @@ class ForceOperator(eqx.Module):
 
     model: AbstractModel
     families: Families
-    plan: Any  # Convolution; (walk, reference sums); None: all bonds at once
+    plan: Any  # Convolution; (traversal, reference sums); None: all bonds at once
     way: str = eqx.field(static=True)
 
     def __hash__(self) -> int:
@@ -152,76 +152,76 @@ def _force(model: AbstractModel, prepared: Any, u: Array, F: Array | None) -> Fl
     assert isinstance(model, PointStateModel)
     if isinstance(plan, Convolution):
         return plan.force(model, u, horizon)
-    walk, reference = plan
+    traversal, reference = plan
     gradient = None if F is None else F - jnp.eye(u.shape[1], dtype=u.dtype)
-    return streamed_force(split_model(model, len(u)), walk, reference, u, gradient, horizon)
+    return streamed_force(split_model(model, len(u)), traversal, reference, u, gradient, horizon)
 
 
 _evaluate = eqx.filter_jit(_force)
 # transforms run as fast without fusion emitters (8.0 against 7.8 ms for 24³ points), slices take up to twice as long
-_evaluate_by_fft = quick_jit(QUICK)(_force)
+_evaluate_by_fft = compiled_with(QUICK)(_force)
 
 
-def _walk(fams: Families, way: str) -> Walk:
-    made = GridWalk.of if way == "slices" else SlotWalk.of
-    return remember(fams, ("walk", way), lambda: made(fams)) if is_concrete(fams) else made(fams)
+def _traversal(families: Families, way: str) -> Traversal:
+    made = LatticeTraversal.of if way == "slices" else SlotTraversal.of
+    return remember(families, ("traversal", way), lambda: made(families)) if is_concrete(families) else made(families)
 
 
 @eqx.filter_jit
-def _reference(model: PointStateModel, walk: Walk, horizon: Array, points: int, dim: int) -> Array:
-    return reference_sums(split_model(model, points), walk, dim, horizon)
+def _reference(model: PointStateModel, traversal: Traversal, horizon: Array, points: int, dim: int) -> Array:
+    return reference_sums(split_model(model, points), traversal, dim, horizon)
 
 
-def _streamed(model: PointStateModel, fams: Families, way: str) -> tuple[Walk, Array]:
-    """The walk of a way and the sums over the reference configuration, which depend on few constants of a model."""
-    walk, points = _walk(fams, way), len(fams)
+def _streamed(model: PointStateModel, families: Families, way: str) -> tuple[Traversal, Array]:
+    """The traversal of a way and the sums over the reference configuration, which depend on few constants of a model."""
+    traversal, points = _traversal(families, way), len(families)
 
     def sums(model: PointStateModel) -> Array:
-        return _reference(model, walk, fams.horizon, points, fams.dim)
+        return _reference(model, traversal, families.horizon, points, families.dim)
 
     known = None
-    if is_concrete(fams):
-        known = known_part(fams, "reference", lambda m: reference_moments(m, points, fams.dim), model)
+    if is_concrete(families):
+        known = known_part(families, "reference", lambda m: reference_moments(m, points, families.dim), model)
     if known is None:
-        return walk, sums(model)
+        return traversal, sums(model)
     key, there = known
-    return walk, remember(fams, ("reference sums", way, key), lambda: sums(there))
+    return traversal, remember(families, ("reference sums", way, key), lambda: sums(there))
 
 
-def _plan(model: AbstractModel, fams: Families, way: str) -> Any:
+def _plan(model: AbstractModel, families: Families, way: str) -> Any:
     if not (isinstance(model, PointStateModel) and model.by_moments):
         return None
-    if way == "families" and math.prod(fams.xi.shape[:2]) < SMALL:
+    if way == "families" and math.prod(families.xi.shape[:2]) < SMALL:
         return None
-    check_promises(model, fams.dim)
-    return Convolution.of(model, fams) if way == "fft" else _streamed(model, fams, way)
+    check_promises(model, families.dim)
+    return Convolution.of(model, families) if way == "fft" else _streamed(model, families, way)
 
 
-def _prepared(model: AbstractModel, fams: Families, way: str, mean: bool) -> tuple[Any, str]:
+def _prepared(model: AbstractModel, families: Families, way: str, mean: bool) -> tuple[Any, str]:
     """(plan, way), all checks made."""
-    check_model(model, fams, Families)
-    way = _choose(model, fams, way, mean)
-    return _plan(model, fams, way), way
+    check_model(model, families, Families)
+    way = _choose(model, families, way, mean)
+    return _plan(model, families, way), way
 
 
-@taught
-def force_operator(model: AbstractModel, fams: Families, way: str = "auto", mean: bool = False) -> ForceOperator:
+@public_function
+def force_operator(model: AbstractModel, families: Families, way: str = "auto", mean: bool = False) -> ForceOperator:
     """The force density of a body as a function of u, prepared: for many evaluations, under `jit` too.
 
     Arguments and errors: as `force_density`; mean: whether it will be called with a mean deformation, f(u, F).
-    Example: `f = pd.force_operator(model, fams); f(u)`.
+    Example: `f = pd.force_operator(model, families); f(u)`.
     """
     choice("way", way, WAYS)
-    key = value_key(model) if isinstance(fams, Families) and is_concrete(fams) else None
+    key = value_key(model) if isinstance(families, Families) and is_concrete(families) else None
     if key is None:
-        plan, way = _prepared(model, fams, way, mean)
+        plan, way = _prepared(model, families, way, mean)
     else:
-        plan, way = remember(fams, ("force", way, mean, key), lambda: _prepared(model, fams, way, mean))
-    return ForceOperator(model, fams, plan, way)
+        plan, way = remember(families, ("force", way, mean, key), lambda: _prepared(model, families, way, mean))
+    return ForceOperator(model, families, plan, way)
 
 
-@taught
-def force_density(model: AbstractModel, fams: Families, u, F=None, way: str = "auto") -> Float[Array, "points dim"]:
+@public_function
+def force_density(model: AbstractModel, families: Families, u, F=None, way: str = "auto") -> Float[Array, "points dim"]:
     """Net internal force density f of every point.
 
     Arguments: u (points, dim) [length]; F (dim, dim) an optional mean deformation under it, for periodic
@@ -231,26 +231,26 @@ def force_density(model: AbstractModel, fams: Families, u, F=None, way: str = "a
         way that this model or body can't go (with those it can), and outside of transformations for forces that are not
         finite, naming the bond that has collapsed. A body of points without bonds has none: see `models.pointwise`.
     """
-    f = force_operator(model, fams, way, F is not None)(u, F)
+    f = force_operator(model, families, way, F is not None)(u, F)
     if in_host_memory(f) and not np.isfinite(np.asarray(f)).all():
-        raise ValueError(_not_finite(fams, np.asarray(f), u, F))
+        raise ValueError(_not_finite(families, np.asarray(f), u, F))
     return f
 
 
-def _not_finite(fams: Families, f: np.ndarray, u: Any, F: Any) -> str:
+def _not_finite(families: Families, f: np.ndarray, u: Any, F: Any) -> str:
     """What is wrong where forces are not finite: a bond that has collapsed, or numbers beyond their precision."""
     bad = np.flatnonzero(~np.isfinite(f).all(axis=1))
     where = f"the forces on {len(bad)} points are not finite, the first is point {bad[0]}"
-    if fams.xi is not None:
-        bonds = on_host(fams.bonds(as_array(u, fams.dtype), F))
+    if families.xi is not None:
+        bonds = on_host(families.bonds(as_array(u, families.dtype), F))
         length = np.linalg.norm(bonds.xi + bonds.eta, axis=-1) / np.linalg.norm(bonds.xi, axis=-1)
-        gone = np.argwhere(np.asarray(fams.is_bond) & ~(length > 1e-12))
+        gone = np.argwhere(np.asarray(families.is_bond) & ~(length > 1e-12))
         if len(gone):
             i, slot = gone[0]
-            j = int(np.asarray(fams.neighbours)[i, slot])
+            j = int(np.asarray(families.neighbours)[i, slot])
             return (
                 f"{where}: the bond from point {i} to point {j} has collapsed, both are at one place ({len(gone)} such)"
             )
-    if fams.dtype == np.float32:
+    if families.dtype == np.float32:
         return f"{where}; in numbers of 32 bits small lengths in large units overflow: take units near 1, or 64 bits"
     return f"{where}; does u [length] turn bonds over, or is a constant of the model out of range?"

@@ -11,7 +11,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from .._internal.checks import as_real
-from .._internal.doors import taught
+from .._internal.public import public_function
 from ..geometry.bonds import Families
 from ..models.base import AbstractModel
 from ..models.kinematics import displacement_gradient, stretch_minus_one
@@ -20,12 +20,12 @@ from .fields import body_state, energy_of_each, force_states, mean_deformation, 
 
 
 @eqx.filter_jit
-def _weighted_volume(fams: Families) -> Array:
-    volume = fams.volumes[fams.neighbours]
-    return jnp.sum(fams.influence * fams.weight * volume * jnp.sum(fams.xi**2, axis=-1), axis=1)
+def _weighted_volume(families: Families) -> Array:
+    volume = families.volumes[families.neighbours]
+    return jnp.sum(families.influence * families.weight * volume * jnp.sum(families.xi**2, axis=-1), axis=1)
 
 
-@taught
+@public_function
 def weighted_volume(families: Families) -> Float[Array, " points"]:
     """m (points,) [length^(dim+2)] of every family: Σ ω V |ξ|²."""
     families.need_arrays()
@@ -33,14 +33,14 @@ def weighted_volume(families: Families) -> Float[Array, " points"]:
 
 
 @eqx.filter_jit
-def _dilatation(fams: Families, u: Array, F: Array | None) -> Array:
-    bonds, empty = regular(fams.bonds(u, F))
+def _dilatation(families: Families, u: Array, F: Array | None) -> Array:
+    bonds, empty = regular(families.bonds(u, F))
     w = bonds.omega * bonds.volume * jnp.sum(bonds.xi**2, axis=-1)
     strain = stretch_minus_one(bonds.xi, bonds.eta)
-    return none_if_empty(fams.dim * jnp.sum(w * strain, axis=1) / jnp.sum(w, axis=1), empty)
+    return none_if_empty(families.dim * jnp.sum(w * strain, axis=1) / jnp.sum(w, axis=1), empty)
 
 
-@taught
+@public_function
 def dilatation(families: Families, u, F=None) -> Float[Array, " points"]:
     """θ (points,) [-] of every family, as the LPS model has it.
 
@@ -50,7 +50,7 @@ def dilatation(families: Families, u, F=None) -> Float[Array, " points"]:
     return _dilatation(families, point_field(u, families), mean_deformation(F, families))
 
 
-@taught
+@public_function
 def energy_density(model: AbstractModel, families: Families, u, F=None) -> Float[Array, " points"]:
     """W (points,) [energy/length^dim] of every point; Σ V W is `strain_energy`.
 
@@ -61,16 +61,16 @@ def energy_density(model: AbstractModel, families: Families, u, F=None) -> Float
 
 
 @eqx.filter_jit
-def _cauchy(model: AbstractModel, fams: Families, u: Array, F: Array | None) -> Array:
-    bonds = fams.bonds(u, F)
-    T = force_states(model, fams.volumes, bonds, plain_exchange(fams))
+def _cauchy(model: AbstractModel, families: Families, u: Array, F: Array | None) -> Array:
+    bonds = families.bonds(u, F)
+    T = force_states(model, families.volumes, bonds, plain_exchange(families))
     P = jnp.einsum("pb,pbi,pbj->pij", bonds.volume, T, bonds.xi)
     bonds, empty = regular(bonds)
-    G = jnp.eye(fams.dim, dtype=P.dtype) + eqx.filter_vmap(displacement_gradient)(bonds)
+    G = jnp.eye(families.dim, dtype=P.dtype) + eqx.filter_vmap(displacement_gradient)(bonds)
     return none_if_empty(P @ G.mT / jnp.linalg.det(G)[:, None, None], empty)
 
 
-@taught
+@public_function
 def cauchy_stress(model: AbstractModel, families: Families, u, F=None) -> Float[Array, "points dim dim"]:
     """σ (points, dim, dim) [pressure] of every point, from the forces of its bonds and F̄.
 
@@ -80,7 +80,7 @@ def cauchy_stress(model: AbstractModel, families: Families, u, F=None) -> Float[
     return _cauchy(model, families, *body_state(model, families, u, F))
 
 
-@taught
+@public_function
 def von_mises(stress, out_of_plane=0.0) -> Float[Array, "..."]:
     """The von Mises stress √(3/2 s:s) [pressure], s the deviator of the symmetric part.
 

@@ -16,7 +16,7 @@ import numpy as np
 from .._internal.checks import on_device
 from .._internal.dependence import known_part
 from .._internal.memory import remember
-from ..geometry.bonds import Bonds, Families, Family
+from ..geometry.bonds import Bonds, Families, LatticeFamily
 from ..models.base import AbstractModel
 from ..models.kinematics import shape_tensor_K, shape_tensor_L
 from ..models.pointwise import each_point, split_model
@@ -24,28 +24,28 @@ from ..models.pointwise import each_point, split_model
 CHUNK = 512  # families whose tensors NumPy sums at a time: what it makes on the way stays in the caches
 
 
-def _kinds(fams: Families) -> tuple[np.ndarray, Bonds]:
+def _kinds(families: Families) -> tuple[np.ndarray, Bonds]:
     """A point of every kind of family that a lattice without arrays has, and these families."""
-    grid: Any = fams.grid
+    grid: Any = families.grid
     examples, patterns = (np.asarray(x) for x in grid.kinds)
-    xi = np.array(grid.offsets, fams.dtype).reshape(-1, fams.dim) * float(fams.spacing or 1.0)
+    xi = np.array(grid.offsets, families.dtype).reshape(-1, families.dim) * float(families.spacing or 1.0)
     xi = np.broadcast_to(xi, (len(patterns), *xi.shape))
     omega = np.asarray(grid.influence) * patterns
-    volume = np.full(omega.shape, np.asarray(fams.volumes)[0])
-    return examples, Bonds(xi, np.zeros_like(xi), omega, volume, np.full(len(patterns), fams.horizon))
+    volume = np.full(omega.shape, np.asarray(families.volumes)[0])
+    return examples, Bonds(xi, np.zeros_like(xi), omega, volume, np.full(len(patterns), families.horizon))
 
 
-def _at_rest(fams: Family | Families) -> tuple[np.ndarray, Bonds]:
+def _at_rest(families: LatticeFamily | Families) -> tuple[np.ndarray, Bonds]:
     """Points whose families are looked at, and these families: NumPy arrays (families, bonds, …)."""
-    if isinstance(fams, Family):
-        bonds = fams.bonds(on_device(np.eye(fams.dim, dtype=fams.xi.dtype)))
+    if isinstance(families, LatticeFamily):
+        bonds = families.bonds(on_device(np.eye(families.dim, dtype=families.xi.dtype)))
         return np.zeros(1, int), Bonds(*(np.asarray(x)[None] for x in bonds))
-    if fams.xi is None:
-        return _kinds(fams)
-    xi, volumes = np.asarray(fams.xi), np.asarray(fams.volumes)
-    omega = np.asarray(fams.influence) * np.asarray(fams.weight)
-    volume = volumes[np.asarray(fams.neighbours)]
-    return np.arange(len(xi)), Bonds(xi, np.zeros_like(xi), omega, volume, np.full(len(xi), fams.horizon))
+    if families.xi is None:
+        return _kinds(families)
+    xi, volumes = np.asarray(families.xi), np.asarray(families.volumes)
+    omega = np.asarray(families.influence) * np.asarray(families.weight)
+    volume = volumes[np.asarray(families.neighbours)]
+    return np.arange(len(xi)), Bonds(xi, np.zeros_like(xi), omega, volume, np.full(len(xi), families.horizon))
 
 
 @eqx.filter_jit
@@ -58,15 +58,15 @@ def _by_numpy(of: Any, bonds: Bonds) -> np.ndarray:
     return np.concatenate([of(Bonds(*(x[at : at + CHUNK] for x in bonds))) for at in cuts])
 
 
-def _refuse(model: AbstractModel, fams: Family | Families) -> None:
+def _refuse(model: AbstractModel, families: LatticeFamily | Families) -> None:
     """ValueError if a tensor is singular, with the point's index; the values are known."""
-    points, bonds = _at_rest(fams)
+    points, bonds = _at_rest(families)
     of = model.shape_tensor
     if of is shape_tensor_K or of is shape_tensor_L:
         tensors = _by_numpy(of, bonds)
     else:
-        if not isinstance(fams, Family):
-            varying, shared = split_model(model, len(fams))
+        if not isinstance(families, LatticeFamily):
+            varying, shared = split_model(model, len(families))
             model = eqx.combine(jax.tree.map(lambda x: x[points], varying), shared)
         if eqx.filter_eval_shape(_by_program, model, bonds) is None:
             return
@@ -80,7 +80,7 @@ def _refuse(model: AbstractModel, fams: Family | Families) -> None:
     if not bad.any():
         return
     i = int(np.flatnonzero(bad)[0]) if bad.ndim == 1 else int(np.argwhere(bad)[0, 0])
-    single = isinstance(fams, Family)
+    single = isinstance(families, LatticeFamily)
     where = "this lattice family" if single else f"the family of point {points[i]}"
     if bad.ndim == 2:
         b = int(np.argwhere(bad)[0, 1])
@@ -98,24 +98,24 @@ def _refuse(model: AbstractModel, fams: Family | Families) -> None:
     )
 
 
-def _tensors_of(fams: Family | Families) -> Any:
+def _tensors_of(families: LatticeFamily | Families) -> Any:
     """The tensors of all families as a function of the model, for its dependence to be traced."""
-    points = 1 if isinstance(fams, Family) else len(fams)
-    bonds = fams.xi.shape[-2] if fams.xi is not None else len(fams.grid.offsets)  # type: ignore[union-attr]
-    sizes = ((points, bonds, fams.dim), (points, bonds, fams.dim), (points, bonds), (points, bonds), (points,))
+    points = 1 if isinstance(families, LatticeFamily) else len(families)
+    bonds = families.xi.shape[-2] if families.xi is not None else len(families.grid.offsets)  # type: ignore[union-attr]
+    sizes = ((points, bonds, families.dim), (points, bonds, families.dim), (points, bonds), (points, bonds), (points,))
     return lambda model: each_point("shape_tensor", model, Bonds(*map(jnp.zeros, sizes)))
 
 
-def check_shape_tensors(model: AbstractModel, fams: Family | Families) -> None:
+def check_shape_tensors(model: AbstractModel, families: LatticeFamily | Families) -> None:
     """Refuse families that are known and whose shape tensor this model can't invert; each thing is looked at once.
 
     Nothing is said where the model's tensor depends on a constant that is traced.
     """
     of = model.shape_tensor
     if of is shape_tensor_K or of is shape_tensor_L:
-        remember(fams, ("invertible", of), lambda: _refuse(model, fams))
+        remember(families, ("invertible", of), lambda: _refuse(model, families))
         return
-    known = known_part(fams, "shape tensors", _tensors_of(fams), model)
+    known = known_part(families, "shape tensors", _tensors_of(families), model)
     if known is not None:
         key, there = known
-        remember(fams, ("invertible", key), lambda: _refuse(there, fams))
+        remember(families, ("invertible", key), lambda: _refuse(there, families))

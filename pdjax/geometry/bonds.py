@@ -21,7 +21,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from .._internal.checks import in_host_memory, namespace, native, on_device, on_host, require
-from .._internal.doors import taught
+from .._internal.public import public_function
 from .influence import constant_influence, named_influence
 
 TIE = 1e-9  # relative slack of the horizon
@@ -64,7 +64,7 @@ def _weight(weight, shape) -> np.ndarray | Array:
     return require(weight, ok, "bond weights must be finite and >= 0")
 
 
-class Family(eqx.Module):
+class LatticeFamily(eqx.Module):
     """One interior family of a uniform lattice. Lengths share the unit of `spacing`.
 
     xi (bonds, dim), influence ω (bonds,), weight β (bonds,), horizon, spacing: all traced.
@@ -93,19 +93,19 @@ class Family(eqx.Module):
     def bonds(self, F: Float[Array | np.ndarray, "dim dim"]) -> Bonds:
         """The bonds of the family under the homogeneous deformation x = F X: η = (F − I) ξ."""
         xp = namespace(self, F)
-        fam, F = on_host((self, F)) if xp is np else (self, F)
-        eta = fam.xi @ (F - xp.eye(fam.dim, dtype=F.dtype)).T
-        volume = xp.broadcast_to(fam.spacing**fam.dim, fam.influence.shape)
-        eta, omega, volume = on_device((eta, fam.influence * fam.weight, volume))
+        family, F = on_host((self, F)) if xp is np else (self, F)
+        eta = family.xi @ (F - xp.eye(family.dim, dtype=F.dtype)).T
+        volume = xp.broadcast_to(family.spacing**family.dim, family.influence.shape)
+        eta, omega, volume = on_device((eta, family.influence * family.weight, volume))
         return Bonds(self.xi, eta, omega, volume, self.horizon)
 
-    def with_weight(self, weight: Any) -> "Family":
+    def with_weight(self, weight: Any) -> "LatticeFamily":
         """The family with bond weights β (bonds,) ≥ 0; opposite bonds must weigh the same (one bond, two ends)."""
         checked = _weight(weight, self.influence.shape)
         half = checked.shape[0] // 2
         even = abs(checked[:half] - checked[half:]) <= 1e-12
         checked = require(checked, even, "weights of a lattice family must be even: weight[b] == weight[b + bonds/2]")
-        return Family(self.xi, self.influence, on_device(checked), self.horizon, self.spacing, cubic=False)
+        return LatticeFamily(self.xi, self.influence, on_device(checked), self.horizon, self.spacing, cubic=False)
 
 
 def cells_within(dim: int, N: float) -> np.ndarray:
@@ -116,13 +116,13 @@ def cells_within(dim: int, N: float) -> np.ndarray:
     return cells[(square > 0) & (square <= (N * (1 + TIE)) ** 2)]
 
 
-@taught
-def lattice_family(dim: int, N: float, spacing=1.0, influence: Callable | str = constant_influence) -> Family:
+@public_function
+def lattice_family(dim: int, N: float, spacing=1.0, influence: Callable | str = constant_influence) -> LatticeFamily:
     """The family of an interior point of a uniform lattice, horizon δ = N · spacing.
 
     Arguments: dim 1, 2 or 3; N horizon over spacing [-], ≥ 1, not traced; spacing [length];
         influence a callable (r, δ) → ω ≥ 0 or the name of one (see `pdjax.geometry.influence`).
-    Returns: `Family` in centro-symmetric order.
+    Returns: `LatticeFamily` in centro-symmetric order.
     Raises: ValueError for dim, N, spacing or an influence that is negative or zero everywhere.
     """
     if dim not in (1, 2, 3):
@@ -139,7 +139,7 @@ def lattice_family(dim: int, N: float, spacing=1.0, influence: Callable | str = 
     xi = np.concatenate([first, -first]).astype(spacing.dtype) * spacing
     horizon = N * spacing
     omega = checked_influence(influence, xp.linalg.norm(xi, axis=1), horizon)
-    return Family(*on_device((xi, omega, np.ones(omega.shape, omega.dtype), horizon, spacing)))
+    return LatticeFamily(*on_device((xi, omega, np.ones(omega.shape, omega.dtype), horizon, spacing)))
 
 
 class Grid(eqx.Module):
@@ -207,12 +207,12 @@ class Families(eqx.Module):
         """All bonds under the displacement u [length] on top of the mean deformation F (None: identity)."""
         self.need_arrays()
         xp = np if in_host_memory(self, u, F) else jnp
-        fams, u, F = on_host((self, u, F)) if xp is np else (self, u, F)
-        eta: Any = u[fams.neighbours] - u[:, None, :]
+        families, u, F = on_host((self, u, F)) if xp is np else (self, u, F)
+        eta: Any = u[families.neighbours] - u[:, None, :]
         if F is not None:
-            eta = eta + fams.xi @ (F - xp.eye(fams.dim, dtype=fams.xi.dtype)).T
-        horizon = xp.broadcast_to(fams.horizon, (len(fams),))
-        omega, volume = fams.influence * fams.weight, fams.volumes[fams.neighbours]
+            eta = eta + families.xi @ (F - xp.eye(families.dim, dtype=families.xi.dtype)).T
+        horizon = xp.broadcast_to(families.horizon, (len(families),))
+        omega, volume = families.influence * families.weight, families.volumes[families.neighbours]
         return Bonds(self.xi, *on_device((eta, omega, volume, horizon)))
 
     def need_arrays(self) -> None:

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .._internal.checks import finite, is_concrete
-from .._internal.doors import taught
+from .._internal.public import public_function
 from .bonds import Families
 
 
@@ -106,7 +106,7 @@ def crossed(families: Families, surface: Surface) -> np.ndarray:
     return crosses | crosses[back]  # through the very edge, rounding may see it from one end alone
 
 
-@taught
+@public_function
 def cut(families: Families, surface: Surface) -> Families:
     """The families with all bonds cut that cross a surface: a crack from the start.
 

@@ -30,7 +30,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .._internal.checks import as_real, check_positive, choice, namespace, on_host
-from .._internal.doors import taught
+from .._internal.public import public_function
 
 Lengths = Float[Array | np.ndarray, "..."]
 
@@ -42,28 +42,28 @@ def _together(r: Lengths, *others: Any) -> tuple[Any, ...]:
     return namespace(others), r, *on_host(others)
 
 
-@taught
+@public_function
 def constant_influence(r: Lengths, horizon) -> Lengths:
     """ω = 1 [-]; r and horizon in [length]."""
     xp, r = _together(r)
     return xp.ones_like(r)
 
 
-@taught
+@public_function
 def inverse_distance_influence(r: Lengths, horizon) -> Lengths:
     """ω = δ/r [-]; r and horizon in [length]."""
     _, r, horizon = _together(r, horizon)
     return horizon / r
 
 
-@taught
+@public_function
 def linear_influence(r: Lengths, horizon) -> Lengths:
     """ω = 1 − r/δ [-], zero at the horizon; r and horizon in [length]."""
     xp, r, horizon = _together(r, horizon)
     return xp.maximum(1 - r / horizon, 0)
 
 
-@taught
+@public_function
 def cubic_spline_influence(r: Lengths, horizon) -> Lengths:
     """ω = the cubic B-spline scaled to 1 at r = 0 [-], zero at the horizon; r and horizon in [length]."""
     xp, r, horizon = _together(r, horizon)
@@ -71,14 +71,14 @@ def cubic_spline_influence(r: Lengths, horizon) -> Lengths:
     return xp.where(q <= 0.5, 1 - 6 * q**2 + 6 * q**3, 2 * (1 - q) ** 3)
 
 
-@taught
+@public_function
 def gaussian_influence(r: Lengths, horizon, width=0.5) -> Lengths:
     """ω = exp(−(r/(width·δ))²) [-], cut off at the horizon; width is a fraction of the horizon [-]."""
     xp, r, horizon, width = _together(r, horizon, width)
     return xp.exp(-((r / (width * horizon)) ** 2))
 
 
-@taught
+@public_function
 def parabolic_influence(r: Lengths, horizon) -> Lengths:
     """ω = 1 up to half the horizon, then 4q(1 − q) [-], zero at the horizon; r and horizon in [length]."""
     xp, r, horizon = _together(r, horizon)
@@ -107,7 +107,7 @@ def named_influence(influence: Any) -> Callable:
     return influence
 
 
-@taught
+@public_function
 def partial_volume_influence(influence: Callable | str, spacing) -> Callable:
     """`influence` times the part β of a neighbour's volume that lies within the horizon.
 

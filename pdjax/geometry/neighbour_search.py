@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from .._internal.checks import is_concrete, namespace, on_device
-from .._internal.doors import taught
+from .._internal.public import public_function
 from .bonds import TIE, Families, Grid, cells_within, checked_influence
 from .influence import constant_influence
 from .points import Points, check_body
@@ -81,7 +81,7 @@ def _warn_of_cut_shell(cut: CutShell, body: Points, horizon: float) -> None:
     )
 
 
-@taught
+@public_function
 def families(
     body: Points, horizon: float, influence: Callable | str = constant_influence, arrays: bool = True
 ) -> Families:

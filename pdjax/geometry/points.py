@@ -13,7 +13,7 @@ import equinox as eqx
 import numpy as np
 
 from .._internal.checks import finite
-from .._internal.doors import taught
+from .._internal.public import public_function
 
 
 class Points(eqx.Module):
@@ -60,7 +60,7 @@ def check_body(name: str, body: object) -> None:
         raise ValueError(f"{name} must be Points (lattice, bar, plate, cuboid, cloud); got {type(body).__name__}")
 
 
-@taught
+@public_function
 def cloud(positions, volumes, period: Sequence[float] | None = None) -> Points:
     """Any set of points.
 
@@ -89,7 +89,7 @@ def cloud(positions, volumes, period: Sequence[float] | None = None) -> Points:
     return Points(positions, volumes, period=period, precision=precision)
 
 
-@taught
+@public_function
 def lattice(shape: Sequence[int], spacing: float = 1.0, periodic: bool | Sequence[bool] = False, mask=None) -> Points:
     """A uniform lattice of `shape` cells (one number an axis, 1 to 3 axes) of side `spacing` [length].
 
@@ -133,7 +133,7 @@ def _box(lengths: Sequence[float], spacing: float) -> Points:
     return lattice(shape, spacing)
 
 
-@taught
+@public_function
 def bar(n: int, length: float = 1.0) -> Points:
     """A 1D bar of `n` points filling [0, length]; spacing length / n."""
     if n < 1:
@@ -141,7 +141,7 @@ def bar(n: int, length: float = 1.0) -> Points:
     return lattice((n,), length / n)
 
 
-@taught
+@public_function
 def plate(lengths: Sequence[float], spacing: float) -> Points:
     """A 2D rectangle of `lengths` (2,) [length] filled by a lattice of `spacing`."""
     if len(lengths) != 2:
@@ -149,7 +149,7 @@ def plate(lengths: Sequence[float], spacing: float) -> Points:
     return _box(lengths, spacing)
 
 
-@taught
+@public_function
 def cuboid(lengths: Sequence[float], spacing: float) -> Points:
     """A 3D cuboid of `lengths` (3,) [length] filled by a lattice of `spacing`."""
     if len(lengths) != 3:

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from .._internal.doors import taught
+from .._internal.public import public_function
 from .neighbour_search import checked_horizon, pairs_within
 from .points import Points, check_body
 from .ties import BAND, CLEAR, CutShell, cut_shell, tie_radius
@@ -52,7 +52,7 @@ class NeighbourReport:
         return "\n".join(lines)
 
 
-@taught
+@public_function
 def neighbour_report(points: Points, horizon: float) -> NeighbourReport:
     """Counts, ties and the next shell of the families that `families(points, horizon)` would make.
 

@@ -27,11 +27,11 @@ import numpy as np
 from jaxtyping import Array
 
 from .._internal.checks import choice, computed_in_double, writable, written_whole
-from .._internal.doors import taught
 from .._internal.progress import progress
+from .._internal.public import public_function
 from ..force.operator import force_operator
-from ..geometry.bonds import Family, lattice_family
-from ..geometry.neighbour_search import families
+from ..geometry import neighbour_search
+from ..geometry.bonds import LatticeFamily, lattice_family
 from ..geometry.points import lattice
 from ..models.base import AbstractModel
 from ..models.catalogue import CATALOGUE, model_name
@@ -84,18 +84,20 @@ class Atlas:
         return next((r for r in self.records if (r["model"], r["dim"], r["N"]) == (model, dim, float(N))), None)
 
 
-def critical(model: AbstractModel, fam: Family, path, side: str, criterion: str = "symbol") -> tuple[float, str]:
+def critical(
+    model: AbstractModel, family: LatticeFamily, path, side: str, criterion: str = "symbol"
+) -> tuple[float, str]:
     """(a_cr, what the states before it are) along one path and side."""
     sign, limit = (-1.0 if side == "compression" else 1.0), LIMITS[side]
     law_family = path is not PATHS["uniaxial-stress"] or criterion != "local"
     own = model if law_family else Correspondence(model.law)  # type: ignore[attr-defined]
 
-    zone = family_zone(fam, "inversion", GRID[fam.dim] * fam.reach)
+    zone = family_zone(family, "inversion", GRID[family.dim] * family.reach)
 
     def margins(sizes):
-        F = computed_in_double(deformations, path, sign * sizes, own, fam)
-        out = outcomes(criterion, model, fam, F, zone)
-        return out.margin, margin_tolerance(fam.xi.dtype, out.scale)
+        F = computed_in_double(deformations, path, sign * sizes, own, family)
+        out = outcomes(criterion, model, family, F, zone)
+        return out.margin, margin_tolerance(family.xi.dtype, out.scale)
 
     sizes = np.concatenate([np.geomspace(SMALLEST, 0.02, BATCH), np.linspace(0.02, limit, 2 * BATCH + 1)[1:]])
     low, high, seen = 0.0, math.inf, []
@@ -142,13 +144,13 @@ def _zero_search(blocks: Array, dim: int, bonds: int, rings: int, intervals: int
     return jnp.concatenate([starts, climbed], axis=1)[0], jnp.concatenate([screen[chosen], quotients[0]])
 
 
-@taught
-def zero_energy_waves(model: AbstractModel, fam: Family) -> np.ndarray:
+@public_function
+def zero_energy_waves(model: AbstractModel, family: LatticeFamily) -> np.ndarray:
     """Wave vectors (waves, dim) [π/h] at which the resting lattice resists nothing, one of each set that its symmetry
     makes the same: as far as a search from 64 starts finds them."""
-    symmetry = "cubic" if fam.cubic and model.isotropic else "inversion"
-    states = checked_states(model, fam, np.eye(fam.dim)[None])
-    settings = fam.dim, len(fam.influence), rings(model), GRID[fam.dim] * fam.reach, symmetry
+    symmetry = "cubic" if family.cubic and model.isotropic else "inversion"
+    states = checked_states(model, family, np.eye(family.dim)[None])
+    settings = family.dim, len(family.influence), rings(model), GRID[family.dim] * family.reach, symmetry
     points, values = computed_in_double(_zero_search, packed(states.scaled[0]), *settings)
     tolerance = 100 * float(margin_tolerance(points.dtype))
     found = points[np.abs(values) <= tolerance] / np.pi
@@ -165,51 +167,55 @@ def zero_energy_waves(model: AbstractModel, fam: Family) -> np.ndarray:
     for wave in np.unique(folded, axis=0):  # λ is flat by a zero: what is near is the same one
         if all(np.abs(wave - other).max() > SAME for other in waves):
             waves.append(wave)
-    return np.array(waves).reshape(-1, fam.dim)
+    return np.array(waves).reshape(-1, family.dim)
 
 
-def dispersion_error(model: AbstractModel, fam: Family, law: LinearElastic) -> list[float]:
+def dispersion_error(model: AbstractModel, family: LatticeFamily, law: LinearElastic) -> list[float]:
     """ω/ω_classical − 1 at rest, kh = 1 along an axis: longitudinal, and transverse if dim > 1."""
-    k = np.eye(fam.dim)[0] / float(fam.spacing)
-    values = -np.diag(np.asarray(symbol(model, fam, np.eye(fam.dim), k))) * float(fam.spacing) ** 2
-    classical = [float(law.lam + 2 * law.mu), float(law.mu)][: min(fam.dim, 2)]
+    k = np.eye(family.dim)[0] / float(family.spacing)
+    values = -np.diag(np.asarray(symbol(model, family, np.eye(family.dim), k))) * float(family.spacing) ** 2
+    classical = [float(law.lam + 2 * law.mu), float(law.mu)][: min(family.dim, 2)]
     return [float(np.sqrt(max(v, 0.0) / c) - 1) for v, c in zip(values, classical, strict=False)]
 
 
 def cost_per_bond(model: AbstractModel, dim: int, N: float, repeats: int = 5) -> float:
     """Median time of a force evaluation over its bonds [s], on a small periodic lattice, compiled before."""
-    fams = families(lattice(COST_POINTS[dim], periodic=True), N)
-    u = jnp.asarray(1e-3 * np.random.default_rng(0).normal(size=(len(fams), dim)))
-    force = force_operator(model, fams)
+    families = neighbour_search.families(lattice(COST_POINTS[dim], periodic=True), N)
+    u = jnp.asarray(1e-3 * np.random.default_rng(0).normal(size=(len(families), dim)))
+    force = force_operator(model, families)
     force(u).block_until_ready()
     times = []
     for _ in range(repeats):
         start = time.perf_counter()
         force(u).block_until_ready()
         times.append(time.perf_counter() - start)
-    return float(np.median(times)) / float(fams.count.sum())
+    return float(np.median(times)) / float(families.count.sum())
 
 
 def _record(name: str, dim: int, N: float, law: LinearElastic, paths: Sequence[str], cost: bool) -> dict:
-    fam = lattice_family(dim, N)
+    family = lattice_family(dim, N)
     record: dict = {"model": name, "dim": dim, "N": float(N)}
     criterion = "local" if name == LAW else "symbol"
     try:
-        model = Correspondence(law) if name == LAW else CATALOGUE[name](law, fam)
-        check_at_rest(model, fam)
+        model = Correspondence(law) if name == LAW else CATALOGUE[name](law, family)
+        check_at_rest(model, family)
     except ValueError as error:
         return record | {"refused": str(error)}
     record["critical"] = {
-        path: {side: list(critical(model, fam, PATHS[path], side, criterion)) for side in SIDES} for path in paths
+        path: {side: list(critical(model, family, PATHS[path], side, criterion)) for side in SIDES} for path in paths
     }
     if name == LAW:
         return record
-    waves = zero_energy_waves(model, fam)
-    record |= {"zero": waves[:12].tolist(), "zero_count": len(waves), "dispersion": dispersion_error(model, fam, law)}
+    waves = zero_energy_waves(model, family)
+    record |= {
+        "zero": waves[:12].tolist(),
+        "zero_count": len(waves),
+        "dispersion": dispersion_error(model, family, law),
+    }
     return record | ({"cost": cost_per_bond(model, dim, N)} if cost else {})
 
 
-@taught
+@public_function
 def model_atlas(
     models: Sequence[str] | None = None,
     dims: Sequence[int] = (1, 2),

@@ -35,7 +35,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..force.fields import affine_stress
-from ..geometry.bonds import Family
+from ..geometry.bonds import LatticeFamily
 from ..models.base import AbstractModel, PointStateModel, TwoStageModel
 from ..tangent.linearise import TwoStage, family_tangent, linearise_states, linearise_two_stage
 
@@ -49,18 +49,18 @@ class Phases(NamedTuple):
     kappa2: Float[Array, "*waves"]
 
 
-def wave_phases(fam: Family, k: Float[Array, "*waves dim"]) -> Phases:
+def wave_phases(family: LatticeFamily, k: Float[Array, "*waves dim"]) -> Phases:
     """Phases of wave vectors k [1/length]; κ² = Σ_i ((2/h) sin(k_i h/2))²."""
-    x = k @ fam.xi[: fam.xi.shape[0] // 2].T
+    x = k @ family.xi[: family.xi.shape[0] // 2].T
     c = 4 * jnp.sin(x / 2) ** 2
-    kappa2 = jnp.sum((2 / fam.spacing * jnp.sin(k * fam.spacing / 2)) ** 2, axis=-1)
+    kappa2 = jnp.sum((2 / family.spacing * jnp.sin(k * family.spacing / 2)) ** 2, axis=-1)
     return Phases(c, jnp.sin(x), -c / 2, kappa2)
 
 
-def long_wave_phases(fam: Family, direction: Float[Array, "*waves dim"]) -> Phases:
+def long_wave_phases(family: LatticeFamily, direction: Float[Array, "*waves dim"]) -> Phases:
     """The limit k → 0 along a direction (any length: the quotient by κ² does not depend on it)."""
-    x = direction @ fam.xi[: fam.xi.shape[0] // 2].T / fam.spacing
-    return Phases(x**2, x, jnp.zeros_like(x), jnp.sum(direction**2, axis=-1) / fam.spacing**2)
+    x = direction @ family.xi[: family.xi.shape[0] // 2].T / family.spacing
+    return Phases(x**2, x, jnp.zeros_like(x), jnp.sum(direction**2, axis=-1) / family.spacing**2)
 
 
 def _components(tangent: Callable, phases: Phases) -> list[list[Array]]:
@@ -155,10 +155,10 @@ def two_stage_tangent(t: TwoStage) -> TwoStageTangent:
     )
 
 
-def homogeneous_tangent(model: AbstractModel, fam: Family, F: Float[Array, "dim dim"]) -> Tangent:
+def homogeneous_tangent(model: AbstractModel, family: LatticeFamily, F: Float[Array, "dim dim"]) -> Tangent:
     """Linearise a model once at x = F X; the result is called on `Phases`."""
-    bonds = fam.bonds(F)
-    half = fam.xi.shape[0] // 2
+    bonds = family.bonds(F)
+    half = family.xi.shape[0] // 2
     V = bonds.volume[0]
     if model.needs_other_end and not model.even:
         raise ValueError(
@@ -177,14 +177,14 @@ def homogeneous_tangent(model: AbstractModel, fam: Family, F: Float[Array, "dim 
     return DenseTangent(same + cross + back + mirror, same - cross - back + mirror)
 
 
-def block_at_center(model: AbstractModel, fam: Family, F: Float[Array, "dim dim"]) -> Float[Array, "dim dim"]:
+def block_at_center(model: AbstractModel, family: LatticeFamily, F: Float[Array, "dim dim"]) -> Float[Array, "dim dim"]:
     """∂f(X)/∂x(X) on an infinite lattice under x = F X (`pdjax.center_block`), unchecked, for drivers to trace."""
-    bonds = fam.bonds(F)
+    bonds = family.bonds(F)
     if isinstance(model, TwoStageModel):  # the mean of the symbol: exact, for no harmonic is higher than 3N
-        waves = np.stack(np.meshgrid(*[np.arange(3 * fam.reach + 1)] * fam.dim, indexing="ij"), axis=-1)
-        k = jnp.asarray(2 * np.pi / len(waves) * waves.reshape(-1, fam.dim), dtype=fam.xi.dtype) / fam.spacing
+        waves = np.stack(np.meshgrid(*[np.arange(3 * family.reach + 1)] * family.dim, indexing="ij"), axis=-1)
+        k = jnp.asarray(2 * np.pi / len(waves) * waves.reshape(-1, family.dim), dtype=family.xi.dtype) / family.spacing
         tangent = two_stage_tangent(linearise_two_stage(model, bonds))
-        return jnp.mean(tangent(wave_phases(fam, k)), axis=0)
+        return jnp.mean(tangent(wave_phases(family, k)), axis=0)
     if isinstance(model, PointStateModel):  # the same sums without ever forming C
         t = linearise_states(model, bonds)
         far = jnp.einsum("b,bir,rbj->ij", bonds.volume, t.G + t.there, t.R)
@@ -196,8 +196,8 @@ def block_at_center(model: AbstractModel, fam: Family, F: Float[Array, "dim dim"
 
 
 @eqx.filter_jit
-def modulus_at_rest(model: AbstractModel, fam: Family) -> Float[Array, ""]:
+def modulus_at_rest(model: AbstractModel, family: LatticeFamily) -> Float[Array, ""]:
     """M = ∂P₁₁/∂F₁₁ at F = I [pressure], unchecked, for drivers to trace."""
-    I = jnp.eye(fam.dim, dtype=fam.xi.dtype)
+    I = jnp.eye(family.dim, dtype=family.xi.dtype)
     axial = jnp.zeros_like(I).at[0, 0].set(1)
-    return jax.jvp(lambda F: affine_stress(model, fam, F), (I,), (axial,))[1][0, 0]
+    return jax.jvp(lambda F: affine_stress(model, family, F), (I,), (axial,))[1][0, 0]

@@ -22,7 +22,7 @@ import numpy as np
 from jaxtyping import Array, Complex
 
 from .._internal.checks import as_array, deformation_gradient, namespace, require
-from .._internal.doors import taught
+from .._internal.public import public_function
 from ..force.fields import Exchange, check_model, force_states, point_field
 from ..force.operator import force_density
 from ..geometry.bonds import Bonds, Families
@@ -35,7 +35,7 @@ from ..tangent.jacobian import jacobian
 from .criteria.outcome import margin_tolerance, verdicts
 
 
-@taught
+@public_function
 def cell_families(body: Points, horizon: float, influence: Callable | str = constant_influence) -> Families:
     """The families of a fully periodic cell of any size: a neighbour and its images are different bonds.
 
@@ -67,7 +67,7 @@ def cell_families(body: Points, horizon: float, influence: Callable | str = cons
     return pack(body, float(horizon), influence, (i, j, vectors, opposite))
 
 
-def _turning(fams: Families, phase: Complex[Array, "points bonds"]) -> Exchange:
+def _turning(families: Families, phase: Complex[Array, "points bonds"]) -> Exchange:
     """Exchange of the points' real parts, then imaginary parts: what differs from the base state turns by e^{ik·ξ}."""
 
     def turn(x, index):
@@ -78,7 +78,7 @@ def _turning(fams: Families, phase: Complex[Array, "points bonds"]) -> Exchange:
         both = jnp.concatenate([base[:half][index], base[half:][index]])
         return both + jnp.concatenate([wave.real, wave.imag])
 
-    near, back = (fams.neighbours,), (fams.neighbours, fams.reverse)
+    near, back = (families.neighbours,), (families.neighbours, families.reverse)
     return Exchange(lambda x: turn(x, near), lambda x: turn(x, back))
 
 
@@ -96,78 +96,84 @@ def _twice(tree, points: int):
     return jax.tree.map(twice, tree)
 
 
-def _symbol_at(model: AbstractModel, fams: Families, bonds: Bonds, k: Array) -> Complex[Array, "dof dof"]:
-    points, dim = len(fams), fams.dim
-    phase = jnp.exp(1j * (fams.xi @ k)).astype(jnp.result_type(bonds.eta, jnp.complex64))
-    model, bonds, volumes = (_twice(x, points) for x in (model, bonds, fams.volumes))
-    exchange = _turning(fams, phase)
+def _symbol_at(model: AbstractModel, families: Families, bonds: Bonds, k: Array) -> Complex[Array, "dof dof"]:
+    points, dim = len(families), families.dim
+    phase = jnp.exp(1j * (families.xi @ k)).astype(jnp.result_type(bonds.eta, jnp.complex64))
+    model, bonds, volumes = (_twice(x, points) for x in (model, bonds, families.volumes))
+    exchange = _turning(families, phase)
 
     def force(eta):
         T = force_states(model, volumes, bonds._replace(eta=eta), exchange)
         return jnp.einsum("pb,pbi->pi", bonds.volume, T - exchange.back(T))
 
     def column(e):
-        moved = phase[..., None] * e[fams.neighbours] - e[:, None, :]
-        moved = jnp.where(fams.weight[..., None] > 0, moved, 0.0)  # padding: a point and itself
+        moved = phase[..., None] * e[families.neighbours] - e[:, None, :]
+        moved = jnp.where(families.weight[..., None] > 0, moved, 0.0)  # padding: a point and itself
         f = jax.jvp(force, (bonds.eta,), (jnp.concatenate([moved.real, moved.imag]),))[1]
         return jax.lax.complex(f[:points], f[points:]).reshape(-1)
 
     basis = jnp.eye(points * dim, dtype=bonds.eta.dtype).reshape(-1, points, dim)
     J = jax.vmap(column)(basis).T
-    root = jnp.sqrt(jnp.repeat(fams.volumes, dim))
+    root = jnp.sqrt(jnp.repeat(families.volumes, dim))
     return J * (root[:, None] / root[None, :])
 
 
 @eqx.filter_jit
-def _symbols(model, fams, bonds, k):
-    return jax.lax.map(lambda one: _symbol_at(model, fams, bonds, one), k)
+def _symbols(model, families, bonds, k):
+    return jax.lax.map(lambda one: _symbol_at(model, families, bonds, one), k)
 
 
-def _bonds(model: AbstractModel, fams: Families, F, u) -> Bonds:
-    check_model(model, fams, Families)
-    F = deformation_gradient(F, fams.dim)
-    return fams.bonds(np.zeros((len(fams), fams.dim), fams.dtype) if u is None else point_field(u, fams), F)
+def _bonds(model: AbstractModel, families: Families, F, u) -> Bonds:
+    check_model(model, families, Families)
+    F = deformation_gradient(F, families.dim)
+    return families.bonds(
+        np.zeros((len(families), families.dim), families.dtype) if u is None else point_field(u, families), F
+    )
 
 
-@taught
-def cell_symbol(model: AbstractModel, fams: Families, F, k, u=None) -> Complex[Array, "waves dof dof"]:
+@public_function
+def cell_symbol(model: AbstractModel, families: Families, F, k, u=None) -> Complex[Array, "waves dof dof"]:
     """V^½ Ĵ(k) V^−½ of a cell on plane waves e^{ik·X}: its eigenvalues are those of the infinite lattice's Jacobian.
 
-    Arguments: fams from `cell_families`; F (dim, dim) [-], det F > 0; k (waves, dim) [1/length]; u (points, dim)
+    Arguments: families from `cell_families`; F (dim, dim) [-], det F > 0; k (waves, dim) [1/length]; u (points, dim)
         [length], periodic, on top of F.
     Returns: (waves, points·dim, points·dim) [force/length^(dim+1)], Hermitian for a model with an energy.
     Raises: ValueError as `force_density`.
     """
-    k = as_array(k, fams.dtype)
-    if k.ndim != 2 or k.shape[1] != fams.dim:
-        raise ValueError(f"k must have shape (waves, {fams.dim}) for this cell; got {k.shape}")
-    return _symbols(model, fams, _bonds(model, fams, F, u), require(k, namespace(k).isfinite(k), "k must be finite"))
+    k = as_array(k, families.dtype)
+    if k.ndim != 2 or k.shape[1] != families.dim:
+        raise ValueError(f"k must have shape (waves, {families.dim}) for this cell; got {k.shape}")
+    return _symbols(
+        model, families, _bonds(model, families, F, u), require(k, namespace(k).isfinite(k), "k must be finite")
+    )
 
 
-@taught
-def relaxed(model: AbstractModel, fams: Families, F, tolerance: float = 1e-12, steps: int = 30) -> Array:
+@public_function
+def relaxed(model: AbstractModel, families: Families, F, tolerance: float = 1e-12, steps: int = 30) -> Array:
     """The periodic displacement u (points, dim) [length], first point held, that balances a cell under F.
 
     Raises: ValueError where Newton's steps do not settle to `tolerance` times the forces of the first step.
     """
-    F = deformation_gradient(F, fams.dim)
-    u = np.zeros((len(fams), fams.dim))
-    if len(fams) == 1:
+    F = deformation_gradient(F, families.dim)
+    u = np.zeros((len(families), families.dim))
+    if len(families) == 1:
         return as_array(u)
-    free = slice(fams.dim, None)
+    free = slice(families.dim, None)
 
     def linearised(u):
-        f = np.asarray(force_density(model, fams, u, F)).reshape(-1)
-        return f, np.asarray(jacobian(model, fams, u, "dense", F))
+        f = np.asarray(force_density(model, families, u, F)).reshape(-1)
+        return f, np.asarray(jacobian(model, families, u, "dense", F))
 
     f, J = linearised(u)
-    scale, stiff = np.abs(f).max(), np.abs(J).max() * float(fams.horizon)
-    rounding = 64 * float(jnp.finfo(fams.xi.dtype).eps) * stiff * float(np.abs(np.asarray(F) - np.eye(fams.dim)).max())
+    scale, stiff = np.abs(f).max(), np.abs(J).max() * float(families.horizon)
+    rounding = (
+        64 * float(jnp.finfo(families.xi.dtype).eps) * stiff * float(np.abs(np.asarray(F) - np.eye(families.dim)).max())
+    )
     for _ in range(steps):
         if np.abs(f[free]).max() <= max(tolerance * scale, rounding):
             return as_array(u)
         move = np.linalg.lstsq(J[free, free], f[free], rcond=1e-12)[0]
-        u = u - np.concatenate([np.zeros(fams.dim), move]).reshape(u.shape)
+        u = u - np.concatenate([np.zeros(families.dim), move]).reshape(u.shape)
         f, J = linearised(u)
     left = np.abs(f[free]).max()
     raise ValueError(f"the cell was not balanced in {steps} Newton steps: forces {left:.1e} of {scale:.1e}")
@@ -192,9 +198,9 @@ class CellStability(eqx.Module):
         return str(verdicts(self.margin, self.tolerance))
 
 
-@taught
+@public_function
 def cell_stability(
-    model: AbstractModel, fams: Families, period, F, modulus: float, u=None, intervals: int = 8
+    model: AbstractModel, families: Families, period, F, modulus: float, u=None, intervals: int = 8
 ) -> CellStability:
     """Is the infinite lattice made of this cell stable under F? By a grid of its zone, half-reciprocal points included.
 
@@ -209,22 +215,22 @@ def cell_stability(
     if not model.hyperelastic:
         raise ValueError(f"{type(model).__name__} has no energy: its symbol need not be Hermitian; see cell_symbol")
     period = np.asarray(period, dtype=float)
-    if period.shape != (fams.dim,) or not (np.isfinite(period) & (period > 0)).all():
-        raise ValueError(f"period must hold {fams.dim} finite lengths > 0; got {period}")
-    steps = [np.arange(0 if axis == 0 else -intervals + 1, intervals + 1) for axis in range(fams.dim)]
+    if period.shape != (families.dim,) or not (np.isfinite(period) & (period > 0)).all():
+        raise ValueError(f"period must hold {families.dim} finite lengths > 0; got {period}")
+    steps = [np.arange(0 if axis == 0 else -intervals + 1, intervals + 1) for axis in range(families.dim)]
     index = np.stack([g.reshape(-1) for g in np.meshgrid(*steps, indexing="ij")], axis=1)
     k = np.pi * index / intervals / period
-    J = np.array(cell_symbol(model, fams, F, k, u))  # a copy: translations are moved in it
+    J = np.array(cell_symbol(model, families, F, k, u))  # a copy: translations are moved in it
     kappa2 = np.sum((2 / period * np.sin(k * period / 2)) ** 2, axis=1)
-    still = (index == 0).all(axis=1)
-    kappa2[still] = np.sum((2 * np.pi / period) ** 2)
-    root = np.sqrt(np.asarray(fams.volumes))
-    shift = np.kron(root[:, None] / np.linalg.norm(root), np.eye(fams.dim))
+    at_origin = (index == 0).all(axis=1)
+    kappa2[at_origin] = np.sum((2 * np.pi / period) ** 2)
+    root = np.sqrt(np.asarray(families.volumes))
+    shift = np.kron(root[:, None] / np.linalg.norm(root), np.eye(families.dim))
     size = np.abs(J).max()
-    J[still] -= 10 * size * (shift @ shift.T)  # translations of the whole, at k = 0 alone, out of the way
+    J[at_origin] -= 10 * size * (shift @ shift.T)  # translations of the whole, at k = 0 alone, out of the way
     top = np.linalg.eigvalsh((J + J.conj().transpose(0, 2, 1)) / 2)[:, -1]
     margins = top / (modulus * kappa2)
     best = int(np.argmax(margins))
     where = int(np.argmax(top)) if margins[best] > 0 else best
-    unit = float(margin_tolerance(fams.xi.dtype)) * max(1.0, len(fams) * size / (modulus * kappa2.min()) * 1e-3)
+    unit = float(margin_tolerance(families.xi.dtype)) * max(1.0, len(families) * size / (modulus * kappa2.min()) * 1e-3)
     return CellStability(float(top[where]), k[where], float(margins[best]), unit)

@@ -16,9 +16,9 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from .._internal.checks import as_real, deformation_gradient, is_concrete, namespace, on_device, require
-from .._internal.doors import taught
+from .._internal.public import public_function
 from ..force.fields import check_model
-from ..geometry.bonds import Family
+from ..geometry.bonds import LatticeFamily
 from ..models.base import AbstractModel
 from .bloch import homogeneous_tangent, modulus_at_rest, wave_phases
 from .cosine_series import symbol_slopes, symbols
@@ -45,14 +45,14 @@ class Dispersion(eqx.Module):
 
 
 @eqx.filter_jit
-def _dispersion(model: AbstractModel, fam: Family, F: Array, k: Array, density: Array) -> Dispersion:
-    tangent = homogeneous_tangent(model, fam, F)
+def _dispersion(model: AbstractModel, family: LatticeFamily, F: Array, k: Array, density: Array) -> Dispersion:
+    tangent = homogeneous_tangent(model, family, F)
 
     def one(k):
-        return tangent(wave_phases(fam, k))
+        return tangent(wave_phases(family, k))
 
     J, slope = jax.vmap(one)(k), jax.vmap(jax.jacfwd(one))(k)  # (waves, dim, dim), (waves, dim, dim, dim of k)
-    scale = modulus_at_rest(model, fam) * wave_phases(fam, k).kappa2
+    scale = modulus_at_rest(model, family) * wave_phases(family, k).kappa2
     return Dispersion(*_branches(k, J, slope, scale, density, margin_tolerance(J.dtype)))
 
 
@@ -61,28 +61,30 @@ def _branches(k: Any, J: Any, slope: Any, scale: Any, density: Any, tolerance: A
     xp = namespace(J, density)
     value, mode = xp.linalg.eigh((J + J.mT) / 2)
     value, mode = value[:, ::-1], mode[:, :, ::-1]
-    still = abs(value) <= tolerance * scale[:, None]
-    square = xp.where(still, 0.0, -value / density)
+    zero_mode = abs(value) <= tolerance * scale[:, None]
+    square = xp.where(zero_mode, 0.0, -value / density)
 
     def root(x):
         return xp.where(x > 0, xp.sqrt(xp.where(x > 0, x, 1.0)), 0.0)
 
     frequency = root(square)
     slope = xp.einsum("wib,wijc,wjb->wbc", mode, slope, mode)
-    moves = (frequency > 0) & ~still
+    moves = (frequency > 0) & ~zero_mode
     group = -slope / (2 * density * xp.where(moves, frequency, xp.nan))[..., None]
-    return k, value, frequency, root(-square), mode, group, still & (scale[:, None] > 0)
+    return k, value, frequency, root(-square), mode, group, zero_mode & (scale[:, None] > 0)
 
 
-def _from_series(model: AbstractModel, fam: Family, F: np.ndarray, k: np.ndarray, density: np.ndarray) -> Dispersion:
+def _from_series(
+    model: AbstractModel, family: LatticeFamily, F: np.ndarray, k: np.ndarray, density: np.ndarray
+) -> Dispersion:
     """`_dispersion` of values that are known, in NumPy but for the linearisation."""
-    states = checked_states(model, fam, F[None])
+    states = checked_states(model, family, F[None])
     h, blocks = states.spacing, states.blocks[0]
     J, slope = (f(blocks, states.offsets, h * k) for f in (symbols, symbol_slopes))
     kappa2 = np.sum((2 / h * np.sin(k * h / 2)) ** 2, axis=-1)
-    tolerance = margin_tolerance(fam.xi.dtype)  # of the precision that k and the constants were given in
+    tolerance = margin_tolerance(family.xi.dtype)  # of the precision that k and the constants were given in
     *found, zero = _branches(k, J, h * slope, states.modulus * kappa2, density, tolerance)
-    return Dispersion(*on_device((*(np.ascontiguousarray(x, fam.xi.dtype) for x in found), zero)))  # type: ignore[call-arg]
+    return Dispersion(*on_device((*(np.ascontiguousarray(x, family.xi.dtype) for x in found), zero)))  # type: ignore[call-arg]
 
 
 def _waves(k, dim: int, dtype) -> Any:
@@ -100,21 +102,21 @@ def _positive(density, dtype) -> Any:
     return density
 
 
-@taught
-def dispersion(model: AbstractModel, fam: Family, F, k, density=1.0) -> Dispersion:
+@public_function
+def dispersion(model: AbstractModel, family: LatticeFamily, F, k, density=1.0) -> Dispersion:
     """Frequencies of plane waves on the infinite lattice deformed by x = F X.
 
     Arguments: F (dim, dim) [-]; k (waves, dim) [1/length], in 1D (waves,) too; density ρ > 0 [mass/length^dim].
     Returns: `Dispersion`.  Raises: ValueError as `symbol`, for a density ≤ 0, a model without an energy.
     """
-    check_model(model, fam, Family)
+    check_model(model, family, LatticeFamily)
     if not model.hyperelastic:
         raise ValueError(f"{type(model).__name__} has no energy: its symbol need not be symmetric; use pdjax.symbol")
-    F = deformation_gradient(F, fam.dim)
-    k, density = _waves(k, fam.dim, F.dtype), _positive(density, F.dtype)
-    if is_concrete(model, fam, F, k, density) and has_series(model):
-        return _from_series(model, fam, np.asarray(F), k, density)
-    return _dispersion(model, fam, F, k, density)
+    F = deformation_gradient(F, family.dim)
+    k, density = _waves(k, family.dim, F.dtype), _positive(density, F.dtype)
+    if is_concrete(model, family, F, k, density) and has_series(model):
+        return _from_series(model, family, np.asarray(F), k, density)
+    return _dispersion(model, family, F, k, density)
 
 
 @eqx.filter_jit
@@ -124,7 +126,7 @@ def _classical(model: AbstractModel, F: Array, k: Array, density: Array) -> Arra
     return jnp.where(square >= 0, jnp.sqrt(jnp.where(square > 0, square, 0.0)), jnp.nan)
 
 
-@taught
+@public_function
 def classical_frequency(model: AbstractModel, F, k, density=1.0) -> Float[Array, "waves dim"]:
     """ω (waves, dim) [1/time] of plane waves in the classical law behind a model, slowest first: straight lines in |k|.
 

@@ -19,11 +19,11 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .._internal.checks import as_array, computed_in_double, deformation_gradient, is_concrete, on_device, require
-from .._internal.doors import taught
 from .._internal.memory import remember, value_key
-from .._internal.xla import ONCE, quick_jit
+from .._internal.public import public_function
+from .._internal.xla import ONCE, compiled_with
 from ..force.fields import check_model
-from ..geometry.bonds import Family
+from ..geometry.bonds import LatticeFamily
 from ..models.base import AbstractModel, PointStateModel, TwoStageModel
 from .bloch import StateTangent, block_at_center, homogeneous_tangent, modulus_at_rest, wave_phases
 from .cosine_series import reached, series, series_of_state, symbols
@@ -51,9 +51,9 @@ def rings(model: AbstractModel) -> int:
     return 3 if isinstance(model, TwoStageModel) else 2
 
 
-def offsets_of(model: AbstractModel, fam: Family) -> np.ndarray:
+def offsets_of(model: AbstractModel, family: LatticeFamily) -> np.ndarray:
     """Half of the offsets (offsets, dim) that the blocks of a model's series stand for."""
-    return reached(fam.dim, len(fam.influence), rings(model))
+    return reached(family.dim, len(family.influence), rings(model))
 
 
 def modulus_of(resting: np.ndarray, offsets: np.ndarray, spacing: float) -> Any:
@@ -61,16 +61,16 @@ def modulus_of(resting: np.ndarray, offsets: np.ndarray, spacing: float) -> Any:
     return resting[..., 0, 0] @ offsets[:, 0] ** 2 * spacing**2
 
 
-@quick_jit(ONCE)
-def _linearise(model: AbstractModel, fam: Family, F: Float[Array, "states dim dim"], count: Array) -> Any:
+@compiled_with(ONCE)
+def _linearise(model: AbstractModel, family: LatticeFamily, F: Float[Array, "states dim dim"], count: Array) -> Any:
     """Of the first `count` deformations: the tangents of a point-state model, or the series of any other."""
-    dim, bonds = fam.dim, len(fam.influence)
+    dim, bonds = family.dim, len(family.influence)
 
     def one(F):
-        return series(homogeneous_tangent(model, fam, F), dim, bonds)
+        return series(homogeneous_tangent(model, family, F), dim, bonds)
 
     if isinstance(model, PointStateModel) and model.even:
-        return jax.vmap(lambda F: homogeneous_tangent(model, fam, F))(F)
+        return jax.vmap(lambda F: homogeneous_tangent(model, family, F))(F)
     if isinstance(model, TwoStageModel):
         return jax.vmap(one)(F)
     # A dense tangent takes long and much memory: one after the other, and no more than are asked for.
@@ -78,21 +78,21 @@ def _linearise(model: AbstractModel, fam: Family, F: Float[Array, "states dim di
     return jax.lax.fori_loop(0, count, lambda i, out: out.at[i].set(one(F[i])), blank)
 
 
-def linearised(model: AbstractModel, fam: Family, F: np.ndarray) -> States:
+def linearised(model: AbstractModel, family: LatticeFamily, F: np.ndarray) -> States:
     """The states F (states, dim, dim) of a concrete model on a concrete, checked family; up to STATES at once."""
-    dim, count = fam.dim, len(F)
+    dim, count = family.dim, len(F)
     every = np.broadcast_to(np.eye(dim), (STATES + 1, dim, dim)).copy()  # the first stays the resting one
     every[1 : count + 1] = F
 
     def make():
-        out = computed_in_double(_linearise, model, fam, every, np.asarray(count + 1))
+        out = computed_in_double(_linearise, model, family, every, np.asarray(count + 1))
         if isinstance(out, StateTangent):
             each = zip(out.b, out.g, out.r, strict=True)
             out = np.stack([series_of_state(*parts) for parts in itertools.islice(each, count + 1)])
-        offsets, h = offsets_of(model, fam), float(fam.spacing)
+        offsets, h = offsets_of(model, family), float(family.spacing)
         return States(out[1 : count + 1], offsets, float(modulus_of(out[0], offsets, h)), h)
 
-    return remember(fam, ("linearised", value_key(model), every.tobytes(), count), make)
+    return remember(family, ("linearised", value_key(model), every.tobytes(), count), make)
 
 
 def has_series(model: AbstractModel) -> bool:
@@ -100,22 +100,22 @@ def has_series(model: AbstractModel) -> bool:
     return model.even or not model.needs_other_end
 
 
-def resting_modulus(model: AbstractModel, fam: Family) -> float:
+def resting_modulus(model: AbstractModel, family: LatticeFamily) -> float:
     """M [pressure] of a concrete model on a concrete, checked family."""
 
     def make():
         if has_series(model):
-            return linearised(model, fam, np.zeros((0, fam.dim, fam.dim))).modulus
-        return float(computed_in_double(modulus_at_rest, model, fam))
+            return linearised(model, family, np.zeros((0, family.dim, family.dim))).modulus
+        return float(computed_in_double(modulus_at_rest, model, family))
 
-    return remember(fam, ("modulus", value_key(model)), make)
+    return remember(family, ("modulus", value_key(model)), make)
 
 
-def check_at_rest(model: AbstractModel, fam: Family) -> None:
+def check_at_rest(model: AbstractModel, family: LatticeFamily) -> None:
     """Refuse a singular family, and a model whose P-wave modulus is not positive: every margin is divided by it."""
-    check_model(model, fam, Family)
-    if is_concrete(model, fam):
-        check_modulus(model, resting_modulus(model, fam))
+    check_model(model, family, LatticeFamily)
+    if is_concrete(model, family):
+        check_modulus(model, resting_modulus(model, family))
 
 
 def check_modulus(model: AbstractModel, M: float) -> None:
@@ -133,30 +133,30 @@ def check_modulus(model: AbstractModel, M: float) -> None:
         )
 
 
-def checked_states(model: AbstractModel, fam: Family, F: np.ndarray) -> States:
+def checked_states(model: AbstractModel, family: LatticeFamily, F: np.ndarray) -> States:
     """`linearised`, after the checks of the family and of the modulus: no program beside its own."""
-    check_model(model, fam, Family)
-    states = linearised(model, fam, F)
-    remember(fam, ("modulus", value_key(model)), lambda: states.modulus)
+    check_model(model, family, LatticeFamily)
+    states = linearised(model, family, F)
+    remember(family, ("modulus", value_key(model)), lambda: states.modulus)
     check_modulus(model, states.modulus)
     return states
 
 
-@taught
-def symbol(model: AbstractModel, fam: Family, F, k) -> Float[Array, "*waves dim dim"]:
+@public_function
+def symbol(model: AbstractModel, family: LatticeFamily, F, k) -> Float[Array, "*waves dim dim"]:
     """Ĵ(k), the exact Jacobian of the infinite lattice on the plane wave e^{ik·X}.
 
     Arguments: F (dim, dim) [-], det F > 0; k (..., dim) [1/length], any number of wave vectors.
     Returns: (..., dim, dim) real [force/length^(dim+1)]; symmetric for hyperelastic models, zero at k = 0.
     Raises: ValueError for det F ≤ 0, NaN in k, a k of the wrong dimension, a singular family.
     """
-    check_model(model, fam, Family)
-    F = deformation_gradient(F, fam.dim)
-    k = _wave_vectors(k, fam.dim, F.dtype)
-    if is_concrete(model, fam, F, k):
-        states = linearised(model, fam, np.asarray(F)[None])
+    check_model(model, family, LatticeFamily)
+    F = deformation_gradient(F, family.dim)
+    k = _wave_vectors(k, family.dim, F.dtype)
+    if is_concrete(model, family, F, k):
+        states = linearised(model, family, np.asarray(F)[None])
         return on_device(symbols(states.blocks[0], states.offsets, k * states.spacing))
-    return _symbol(model, fam, F, k)
+    return _symbol(model, family, F, k)
 
 
 def _wave_vectors(k: Any, dim: int, dtype: Any) -> Any:
@@ -171,34 +171,34 @@ def _wave_vectors(k: Any, dim: int, dtype: Any) -> Any:
 
 
 @eqx.filter_jit
-def _symbol(model: AbstractModel, fam: Family, F: Array, k: Array) -> Array:
-    return homogeneous_tangent(model, fam, F)(wave_phases(fam, k))
+def _symbol(model: AbstractModel, family: LatticeFamily, F: Array, k: Array) -> Array:
+    return homogeneous_tangent(model, family, F)(wave_phases(family, k))
 
 
-@taught
-def center_block(model: AbstractModel, fam: Family, F) -> Float[Array, "dim dim"]:
+@public_function
+def center_block(model: AbstractModel, family: LatticeFamily, F) -> Float[Array, "dim dim"]:
     """D = ∂f(X)/∂x(X): the Jacobian's block at the point itself, on an infinite lattice under x = F X.
 
     D = Σ_ξ V [−(Σ_ζ C_ξζ) − C_ξξ]: its own bonds all move by −e, and in each neighbour's family one bond moves by +e.
     It is the mean of the symbol over the Brillouin zone, −2 Σ B of its cosine series.
     Arguments: F (dim, dim).  Returns: (dim, dim) [force/length^(dim+1)].  Raises: as `force_state`.
     """
-    check_model(model, fam, Family)
-    F = deformation_gradient(F, fam.dim)
-    if is_concrete(model, fam, F) and has_series(model):
-        return on_device(-2 * linearised(model, fam, np.asarray(F)[None]).blocks[0].sum(axis=0))
-    return _center_block(model, fam, F)
+    check_model(model, family, LatticeFamily)
+    F = deformation_gradient(F, family.dim)
+    if is_concrete(model, family, F) and has_series(model):
+        return on_device(-2 * linearised(model, family, np.asarray(F)[None]).blocks[0].sum(axis=0))
+    return _center_block(model, family, F)
 
 
 @eqx.filter_jit
-def _center_block(model: AbstractModel, fam: Family, F: Array) -> Array:
-    return block_at_center(model, fam, F)
+def _center_block(model: AbstractModel, family: LatticeFamily, F: Array) -> Array:
+    return block_at_center(model, family, F)
 
 
-@taught
-def p_wave_modulus(model: AbstractModel, fam: Family) -> Float[Array, ""]:
+@public_function
+def p_wave_modulus(model: AbstractModel, family: LatticeFamily) -> Float[Array, ""]:
     """M = ∂P₁₁/∂F₁₁ at F = I [pressure]: the law's λ + 2μ, as the model on this family has it."""
-    check_model(model, fam, Family)
-    if is_concrete(model, fam):
-        return as_array(resting_modulus(model, fam), fam.xi.dtype)
-    return modulus_at_rest(model, fam)
+    check_model(model, family, LatticeFamily)
+    if is_concrete(model, family):
+        return as_array(resting_modulus(model, family), family.xi.dtype)
+    return modulus_at_rest(model, family)

@@ -1,7 +1,7 @@
 """Sweeps of stability over (m, a, N): the margin of every state of a grid, in chunks of bounded memory.
 
 One compiled kernel evaluates a chunk of (m, a) pairs for the main criterion and for every criterion whose line is
-drawn; the host walks over the chunks, so memory grows with the answer, and stops leave what is done.
+drawn; the host traversals over the chunks, so memory grows with the answer, and stops leave what is done.
 """
 
 import inspect
@@ -22,12 +22,12 @@ from jax.sharding import Mesh
 from jaxtyping import Float
 
 from .._internal.checks import as_real, choice, computed_in_double, finite, writable, written_whole
-from .._internal.doors import taught
 from .._internal.progress import progress
-from .._internal.xla import ONCE, QUICK, quick_jit
+from .._internal.public import public_function
+from .._internal.xla import ONCE, QUICK, compiled_with
 from ..force.backends.slabs import device_mesh, sharded_vmap
 from ..force.fields import check_model
-from ..geometry.bonds import Family, lattice_family
+from ..geometry.bonds import LatticeFamily, lattice_family
 from ..geometry.influence import constant_influence
 from ..models.base import AbstractModel
 from ..models.laws import Law, law_label
@@ -117,31 +117,31 @@ class _SethHillOf(eqx.Module):
         return SethHill(m, self.law)
 
 
-def _chunk(m, a, fam, make, path: Path, names: tuple[str, ...], intervals: int, symmetry: str, mesh: Mesh | None):
+def _chunk(m, a, family, make, path: Path, names: tuple[str, ...], intervals: int, symmetry: str, mesh: Mesh | None):
     """(margin, eigenvalue, tolerance) of every named criterion, for pairs (m, a)."""
-    zone = brillouin_zone(fam.dim, intervals, symmetry)
+    zone = brillouin_zone(family.dim, intervals, symmetry)
 
     def one(m, a):
         model = make(m)
-        F = path(a, model, fam)
-        outs = [evaluate(name, model, fam, F, zone, fastest=True) for name in names]
+        F = path(a, model, family)
+        outs = [evaluate(name, model, family, F, zone, fastest=True) for name in names]
         return [(o.margin, o.eigenvalue, jnp.asarray(margin_tolerance(m.dtype, o.scale), m.dtype)) for o in outs]
 
     return (jax.vmap(one) if mesh is None else sharded_vmap(one, mesh))(m, a)
 
 
-_few_states, _many_states = (quick_jit(options)(_chunk) for options in (ONCE, QUICK))
+_few_states, _many_states = (compiled_with(options)(_chunk) for options in (ONCE, QUICK))
 _FEW = _LINE_POINTS**2  # up to which compiling takes longer than running
 
 
 @eqx.filter_jit
-def _linearised_chunk(m, a, at_rest, fam, make, path: Path):
+def _linearised_chunk(m, a, at_rest, family, make, path: Path):
     """The cosine series of every pair (m, a), or of the resting state of every m."""
 
     def one(m, a):
         model = make(m)
-        F = jnp.where(at_rest, jnp.eye(fam.dim, dtype=m.dtype), path(a, model, fam))
-        return series(homogeneous_tangent(model, fam, F), fam.dim, len(fam.influence))
+        F = jnp.where(at_rest, jnp.eye(family.dim, dtype=m.dtype), path(a, model, family))
+        return series(homogeneous_tangent(model, family, F), family.dim, len(family.influence))
 
     return jax.vmap(one)(m, a)
 
@@ -156,27 +156,27 @@ def _from_series(model: AbstractModel, names: tuple[str, ...], mesh: Mesh | None
 def _evaluated(job: "_Job", make: Callable, path: Path, mesh: Mesh | None) -> list[tuple]:
     """(margin, eigenvalue, tolerance) of the job's criteria: from the linearised states where that is enough, so that
     the search is the program that all models share; the rest, and all on many devices, in one program."""
-    fam, zone, model = job.fam, job.zone, make(job.m[0])
+    family, zone, model = job.family, job.zone, make(job.m[0])
     found: dict[str, Any] = {}
     able = _from_series(model, job.names, mesh)
     if able:
-        blocks = computed_in_double(_linearised_chunk, job.m, job.a, np.asarray(False), fam, make, path)
-        states = States(blocks, offsets_of(model, fam), job.modulus, float(fam.spacing))
-        found = {name: from_states(name, model, fam, states, zone) for name in able}
+        blocks = computed_in_double(_linearised_chunk, job.m, job.a, np.asarray(False), family, make, path)
+        states = States(blocks, offsets_of(model, family), job.modulus, float(family.spacing))
+        found = {name: from_states(name, model, family, states, zone) for name in able}
         found = {n: (o.margin, o.eigenvalue, margin_tolerance(job.m.dtype, o.scale)) for n, o in found.items()}
     rest = tuple(n for n in job.names if n not in found)
     if rest:
         chunk = _few_states if job.out.shape[-1] <= _FEW else _many_states
-        traced = chunk(job.m, job.a, fam, make, path, rest, zone.intervals, zone.symmetry, mesh)
+        traced = chunk(job.m, job.a, family, make, path, rest, zone.intervals, zone.symmetry, mesh)
         found |= dict(zip(rest, traced, strict=True))
     return [found[name] for name in job.names]
 
 
-def _check_loads(a: np.ndarray, model: AbstractModel, fam, path: Path) -> None:
+def _check_loads(a: np.ndarray, model: AbstractModel, family, path: Path) -> None:
     """Refuse loads whose deformation is not one: a stretch 1 + a ≤ 0, or det F ≤ 0 on a user's path."""
     if getattr(path, "stretch", False):
         check_stretch(a)
-    det = np.linalg.det(computed_in_double(deformations, path, np.asarray(a, float), model, fam))
+    det = np.linalg.det(computed_in_double(deformations, path, np.asarray(a, float), model, family))
     if (det <= 0).any():
         i = int(np.argmax(det <= 0))
         raise ValueError(f"a must keep det F > 0 along the path; a[{i}] = {a[i]:g} gives det F = {det[i]:g}")
@@ -192,20 +192,20 @@ def _check_memory(shape: tuple[int, ...], criteria: int) -> None:
         )
 
 
-def _moduli(make: Callable, orders: np.ndarray, fam: Family, path: Path, size: int) -> np.ndarray:
+def _moduli(make: Callable, orders: np.ndarray, family: LatticeFamily, path: Path, size: int) -> np.ndarray:
     """The checked P-wave modulus of every order, by the program that linearises the chunks."""
     orders = orders[:1] if isinstance(make, _SethHillOf) else orders  # at rest its order changes nothing
     models = [make(as_real(m)) for m in orders]
     for model in models:
-        check_model(model, fam, Family)
+        check_model(model, family, LatticeFamily)
     if not has_series(models[0]):
-        return np.array([resting_modulus(model, fam) for model in models])
-    offsets, values = offsets_of(models[0], fam), np.empty(len(orders))
+        return np.array([resting_modulus(model, family) for model in models])
+    offsets, values = offsets_of(models[0], family), np.empty(len(orders))
     for start in range(0, len(orders), size):
         index = np.minimum(np.arange(start, start + size), len(orders) - 1)
-        m = orders[index].astype(fam.xi.dtype)
-        blocks = computed_in_double(_linearised_chunk, m, np.zeros_like(m), np.asarray(True), fam, make, path)
-        values[index] = modulus_of(blocks, offsets, float(fam.spacing))
+        m = orders[index].astype(family.xi.dtype)
+        blocks = computed_in_double(_linearised_chunk, m, np.zeros_like(m), np.asarray(True), family, make, path)
+        values[index] = modulus_of(blocks, offsets, float(family.spacing))
     for model, value in zip(models, values, strict=True):
         check_modulus(model, value)
     return values
@@ -238,7 +238,7 @@ def _thin(x: np.ndarray) -> np.ndarray:
     return np.linspace(0, len(x) - 1, min(len(x), _LINE_POINTS)).round().astype(int)
 
 
-@taught
+@public_function
 def stability_map(
     m,
     a,
@@ -279,9 +279,9 @@ def stability_map(
     devices = 1 if mesh is None else device_mesh(mesh)[2]
     target = None if save is None else writable(save)
 
-    fams = [lattice_family(dim, float(n), influence=influence) for n in horizons]
+    families = [lattice_family(dim, float(n), influence=influence) for n in horizons]
     first = _first_model(make, orders)
-    zones = [family_zone(fam, path_symmetry(path, fam, first.isotropic), resolution) for fam in fams]
+    zones = [family_zone(family, path_symmetry(path, family, first.isotropic), resolution) for family in families]
     settings = {
         "dim": dim,
         "N": horizons.tolist(),
@@ -292,7 +292,7 @@ def stability_map(
         "criterion": criterion,
         "influence": getattr(influence, "__name__", repr(influence)),
         "resolution": [zone.intervals for zone in zones],
-        "dtype": str(fams[0].xi.dtype),
+        "dtype": str(families[0].xi.dtype),
     }
     thin_m, thin_a = orders[_thin(orders)], loads[_thin(loads)]
     results = np.full((3, *shape), np.nan)
@@ -304,15 +304,15 @@ def stability_map(
         return StabilityMap(orders, loads, horizons, margin, eigenvalue, tolerance, thin_m, thin_a, rest, settings)
 
     jobs = []
-    for n, (fam, zone) in enumerate(zip(fams, zones, strict=True)):
+    for n, (family, zone) in enumerate(zip(families, zones, strict=True)):
         size = _chunk_size(zone, devices, len(orders) * len(loads))
-        moduli = np.broadcast_to(_moduli(make, orders, fam, path, size), orders.shape)
-        _check_loads(loads, first, fam, path)
-        jobs += _jobs(fam, zone, names[:1], orders, moduli, loads, size, results[:, n].reshape(3, 1, -1))
+        moduli = np.broadcast_to(_moduli(make, orders, family, path, size), orders.shape)
+        _check_loads(loads, first, family, path)
+        jobs += _jobs(family, zone, names[:1], orders, moduli, loads, size, results[:, n].reshape(3, 1, -1))
         if lines:
             thin = np.broadcast_to(moduli, orders.shape)[_thin(orders)]
             into = extra[:, n].reshape(1, len(lines), -1)
-            jobs += _jobs(fam, zone, names[1:], thin_m, thin, thin_a, min(size, into.shape[2]), into)
+            jobs += _jobs(family, zone, names[1:], thin_m, thin, thin_a, min(size, into.shape[2]), into)
     saved = time.monotonic()
     for job in progress(jobs, len(jobs), f"{criterion} map", show_progress):
         _do(job, make, path, mesh)
@@ -328,7 +328,7 @@ def stability_map(
 class _Job(NamedTuple):
     """One chunk of the grid of one family: pairs (m, a), and where the results go."""
 
-    fam: Family
+    family: LatticeFamily
     zone: Zone
     names: tuple[str, ...]
     m: np.ndarray
@@ -345,13 +345,13 @@ def _chunk_size(zone: Zone, devices: int, states: int) -> int:
     return min(max(size // MANY[dim] * MANY[dim], min(size, MANY[dim])) * devices, states)
 
 
-def _jobs(fam, zone: Zone, names: tuple[str, ...], orders, moduli, loads, size: int, out: np.ndarray) -> list:
+def _jobs(family, zone: Zone, names: tuple[str, ...], orders, moduli, loads, size: int, out: np.ndarray) -> list:
     """The grid of one family in chunks of equal size."""
-    m, a = (x.reshape(-1).astype(fam.xi.dtype) for x in np.meshgrid(orders, loads, indexing="ij"))
+    m, a = (x.reshape(-1).astype(family.xi.dtype) for x in np.meshgrid(orders, loads, indexing="ij"))
     jobs = []
     for start in range(0, len(m), size):
         index = np.minimum(np.arange(start, start + size), len(m) - 1)  # the last chunk repeats its last state
-        jobs.append(_Job(fam, zone, names, m[index], moduli[index // len(loads)], a[index], index, out))
+        jobs.append(_Job(family, zone, names, m[index], moduli[index // len(loads)], a[index], index, out))
     return jobs
 
 

@@ -1,6 +1,6 @@
 """Load paths: one number a → a homogeneous deformation F(a), with F(0) = I.
 
-A path is any function (a, model, fam) → F (dim, dim), traced by JAX. Its attribute `symmetry` (default "inversion")
+A path is any function (a, model, family) → F (dim, dim), traced by JAX. Its attribute `symmetry` (default "inversion")
 says what the deformed cubic lattice keeps, and so how far the Brillouin zone can be folded; `stretch` (default
 False) says that 1 + a is a stretch, so that a > −1 is needed.
 
@@ -21,12 +21,12 @@ import optimistix as optx
 from jaxtyping import Array, Float
 
 from .._internal.checks import is_concrete
-from .._internal.doors import taught
+from .._internal.public import public_function
 from ..force.fields import affine_stress
-from ..geometry.bonds import Family
+from ..geometry.bonds import LatticeFamily
 from ..models.base import AbstractModel
 
-Path = Callable[[Any, AbstractModel, Family], Float[Array, "dim dim"]]
+Path = Callable[[Any, AbstractModel, LatticeFamily], Float[Array, "dim dim"]]
 
 
 def check_stretch(a: Any) -> None:
@@ -42,12 +42,12 @@ def check_stretch(a: Any) -> None:
 
 def _keeps(symmetry: str, stretch: bool = True):
     def mark(path):
-        @taught
+        @public_function
         @functools.wraps(path)
-        def checked(a, model, fam):
+        def checked(a, model, family):
             if stretch:
                 check_stretch(a)
-            return path(a, model, fam)
+            return path(a, model, family)
 
         checked.symmetry, checked.stretch = symmetry, stretch  # type: ignore[attr-defined]
         return checked
@@ -56,36 +56,36 @@ def _keeps(symmetry: str, stretch: bool = True):
 
 
 @_keeps("cubic")
-def hydrostatic(a, model: AbstractModel, fam: Family) -> Float[Array, "dim dim"]:
+def hydrostatic(a, model: AbstractModel, family: LatticeFamily) -> Float[Array, "dim dim"]:
     """F = (1 + a) I; a > −1 is the stretch minus one [-]."""
-    return (1 + a) * jnp.eye(fam.dim, dtype=fam.xi.dtype)
+    return (1 + a) * jnp.eye(family.dim, dtype=family.xi.dtype)
 
 
 @_keeps("tetragonal")
-def uniaxial_strain(a, model: AbstractModel, fam: Family) -> Float[Array, "dim dim"]:
+def uniaxial_strain(a, model: AbstractModel, family: LatticeFamily) -> Float[Array, "dim dim"]:
     """F = diag(1 + a, 1, 1): no lateral motion."""
-    return jnp.eye(fam.dim, dtype=fam.xi.dtype).at[0, 0].add(a)
+    return jnp.eye(family.dim, dtype=family.xi.dtype).at[0, 0].add(a)
 
 
 @_keeps("tetragonal")
-def uniaxial_stress(a, model: AbstractModel, fam: Family) -> Float[Array, "dim dim"]:
+def uniaxial_stress(a, model: AbstractModel, family: LatticeFamily) -> Float[Array, "dim dim"]:
     """F = diag(1 + a, b, b) with the lateral Piola stress zero (Newton; NaN where it finds no state)."""
-    if fam.dim == 1:
-        return uniaxial_strain(a, model, fam)
-    lateral = jnp.eye(fam.dim, dtype=fam.xi.dtype).at[0, 0].set(0)
+    if family.dim == 1:
+        return uniaxial_strain(a, model, family)
+    lateral = jnp.eye(family.dim, dtype=family.xi.dtype).at[0, 0].set(0)
 
     def stretched(log_b, a):
-        return uniaxial_strain(a, model, fam) + jnp.expm1(log_b) * lateral
+        return uniaxial_strain(a, model, family) + jnp.expm1(log_b) * lateral
 
-    def lateral_stress(log_b, a, model, fam):
-        return affine_stress(model, fam, stretched(log_b, a))[1, 1]
+    def lateral_stress(log_b, a, model, family):
+        return affine_stress(model, family, stretched(log_b, a))[1, 1]
 
-    eps = float(jnp.finfo(fam.xi.dtype).eps)
-    still = jax.lax.stop_gradient((a, model, fam))
+    eps = float(jnp.finfo(family.xi.dtype).eps)
+    frozen = jax.lax.stop_gradient((a, model, family))
     found: optx.Solution = optx.root_find(
-        lambda log_b, _: lateral_stress(log_b, *still),
+        lambda log_b, _: lateral_stress(log_b, *frozen),
         optx.Newton(rtol=64 * eps, atol=64 * eps),
-        jnp.zeros((), fam.xi.dtype),
+        jnp.zeros((), family.xi.dtype),
         max_steps=50,
         throw=False,
     )
@@ -94,17 +94,17 @@ def uniaxial_stress(a, model: AbstractModel, fam: Family) -> Float[Array, "dim d
     # Newton's step from the root is the implicit function theorem: taken twice, it has exact derivatives to third order
     log_b = at
     for _ in range(2):
-        value, slope = jax.jvp(lambda b: lateral_stress(b, a, model, fam), (log_b,), (jnp.ones_like(at),))
+        value, slope = jax.jvp(lambda b: lateral_stress(b, a, model, family), (log_b,), (jnp.ones_like(at),))
         log_b = log_b - value / slope
     return stretched(jnp.where(exists, log_b, jnp.nan), a)
 
 
 @_keeps("inversion", stretch=False)
-def simple_shear(a, model: AbstractModel, fam: Family) -> Float[Array, "dim dim"]:
+def simple_shear(a, model: AbstractModel, family: LatticeFamily) -> Float[Array, "dim dim"]:
     """F = I + a e₁⊗e₂ (dim 2 or 3); a is the amount of shear [-]."""
-    if fam.dim == 1:
+    if family.dim == 1:
         raise ValueError("simple_shear needs dim 2 or 3; this family has dim 1")
-    return jnp.eye(fam.dim, dtype=fam.xi.dtype).at[0, 1].add(a)
+    return jnp.eye(family.dim, dtype=family.xi.dtype).at[0, 1].add(a)
 
 
 PATHS: dict[str, Path] = {
@@ -115,6 +115,6 @@ PATHS: dict[str, Path] = {
 }
 
 
-def path_symmetry(path: Path, fam: Family, isotropic: bool) -> str:
+def path_symmetry(path: Path, family: LatticeFamily, isotropic: bool) -> str:
     """What the deformed lattice keeps along `path`: only inversion if its weights or its material prefer directions."""
-    return getattr(path, "symmetry", "inversion") if fam.cubic and isotropic else "inversion"
+    return getattr(path, "symmetry", "inversion") if family.cubic and isotropic else "inversion"

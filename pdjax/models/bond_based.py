@@ -22,7 +22,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .._internal.checks import as_real, check_positive, namespace, on_host, require
-from ..geometry.bonds import Bonds, Families, Family
+from ..geometry.bonds import Bonds, Families, LatticeFamily
 from .base import PointStateModel, Sums
 from .control import micromodulus
 from .kinematics import log_stretch, seth_hill, stretch_minus_one
@@ -78,27 +78,29 @@ class BondBased(PointStateModel):
         return BondBased.from_bulk(bulk, horizon, dim, plane)
 
     @staticmethod
-    def from_family(bulk, fam: Family | Families) -> "BondBased":
+    def from_family(bulk, family: LatticeFamily | Families) -> "BondBased":
         """The springs whose d-dimensional bulk modulus is `bulk` [pressure] on this lattice family: c = 2kd²/Σ w|ξ|.
 
         For the families of a body c (points,) is every point's own, larger where a surface has cut its family. Each end
         of a bond then pulls with its own point's constant.
         Raises: ValueError for what is neither, or for a point without bonds.
         """
-        if not isinstance(fam, Family | Families):
-            raise ValueError(f"fam must be a Family (lattice_family) or Families (families); got {type(fam).__name__}")
-        body = isinstance(fam, Families)
-        if isinstance(fam, Families):
-            fam.need_arrays()
+        if not isinstance(family, LatticeFamily | Families):
+            raise ValueError(
+                f"family must be a LatticeFamily (lattice_family) or Families (families); got {type(family).__name__}"
+            )
+        body = isinstance(family, Families)
+        if isinstance(family, Families):
+            family.need_arrays()
         bulk = as_real(bulk)
-        xp = namespace(bulk, fam)
+        xp = namespace(bulk, family)
         known: Any
-        bulk, known = on_host((bulk, fam)) if xp is np else (bulk, fam)
-        volume = known.volumes[known.neighbours] if body else known.spacing**fam.dim
+        bulk, known = on_host((bulk, family)) if xp is np else (bulk, family)
+        volume = known.volumes[known.neighbours] if body else known.spacing**family.dim
         w = known.influence * known.weight * volume
         total = xp.sum(w * xp.linalg.norm(known.xi, axis=-1), axis=-1)
         require(total, total > 0, "every family needs a bond with weight for its springs to have a modulus")
-        return BondBased(2 * bulk * fam.dim**2 / total)
+        return BondBased(2 * bulk * family.dim**2 / total)
 
     @property
     def isotropic(self) -> bool:

@@ -9,7 +9,7 @@ is the law's only for λ = μ).
 from collections.abc import Callable
 
 from .._internal.checks import on_device, on_host
-from ..geometry.bonds import Family
+from ..geometry.bonds import LatticeFamily
 from .base import AbstractModel
 from .bond_associated import BondAssociated, BondAssociatedForce
 from .bond_based import BondBased
@@ -23,12 +23,12 @@ from .seth_hill import SethHill, TupekRadovitzky
 from .sub_horizon import SubHorizon
 
 
-def _bulk(law: LinearElastic, fam: Family):
+def _bulk(law: LinearElastic, family: LatticeFamily):
     lam, mu = on_host((law.lam, law.mu))
-    return on_device(lam + 2 * mu / fam.dim)
+    return on_device(lam + 2 * mu / family.dim)
 
 
-Maker = Callable[[LinearElastic, Family], AbstractModel]
+Maker = Callable[[LinearElastic, LatticeFamily], AbstractModel]
 
 
 def model_name(text: str) -> str:
@@ -45,29 +45,29 @@ def _plain(name: str) -> str:
 
 
 CATALOGUE: dict[str, Maker] = {
-    "bond-based": lambda law, fam: BondBased.from_family(_bulk(law, fam), fam),
-    "bond-based, quadratic": lambda law, fam: BondBased(BondBased.from_family(_bulk(law, fam), fam).c, 1.0),
-    "LPS": lambda law, fam: LPS(_bulk(law, fam), law.mu),
-    "Silling": lambda law, fam: Correspondence(law),
-    "Silling + penalty": lambda law, fam: Correspondence(law, SillingControl()),
-    "Silling + Wan": lambda law, fam: Correspondence(law, WanControl()),
-    "Silling + hourglass": lambda law, fam: Correspondence(law, LittlewoodControl()),
-    "Seth–Hill 1": lambda law, fam: SethHill(1.0, law),
-    "Seth–Hill ½": lambda law, fam: SethHill(0.5, law),
-    "Seth–Hill 0": lambda law, fam: SethHill(0.0, law),
-    "Seth–Hill −1": lambda law, fam: SethHill(-1.0, law),
-    "Seth–Hill 1 + penalty": lambda law, fam: SethHill(1.0, law, SillingControl()),
-    "Seth–Hill 1 + Wan": lambda law, fam: SethHill(1.0, law, WanControl()),
-    "Seth–Hill 1 + hourglass": lambda law, fam: SethHill(1.0, law, LittlewoodControl()),
-    "Seth–Hill 0 + penalty": lambda law, fam: SethHill(0.0, law, SillingControl()),
-    "Seth–Hill 0 + Wan": lambda law, fam: SethHill(0.0, law, WanControl()),
-    "Seth–Hill 0 + hourglass": lambda law, fam: SethHill(0.0, law, LittlewoodControl()),
-    "extended 1": lambda law, fam: TupekRadovitzky(1.0, law),
-    "extended 0": lambda law, fam: TupekRadovitzky(0.0, law),
-    "bond-level": lambda law, fam: BondLevel(law),
-    "bond-level, two-sided": lambda law, fam: BondLevelAverage(law),
-    "bond-associated": lambda law, fam: BondAssociated(law),
-    "bond-associated, force": lambda law, fam: BondAssociatedForce(law),
-    "sub-horizon": lambda law, fam: SubHorizon(law),
-    "reproducing kernel 2": lambda law, fam: ReproducingKernel(law, 2),
+    "bond-based": lambda law, family: BondBased.from_family(_bulk(law, family), family),
+    "bond-based, quadratic": lambda law, family: BondBased(BondBased.from_family(_bulk(law, family), family).c, 1.0),
+    "LPS": lambda law, family: LPS(_bulk(law, family), law.mu),
+    "Silling": lambda law, family: Correspondence(law),
+    "Silling + penalty": lambda law, family: Correspondence(law, SillingControl()),
+    "Silling + Wan": lambda law, family: Correspondence(law, WanControl()),
+    "Silling + hourglass": lambda law, family: Correspondence(law, LittlewoodControl()),
+    "Seth–Hill 1": lambda law, family: SethHill(1.0, law),
+    "Seth–Hill ½": lambda law, family: SethHill(0.5, law),
+    "Seth–Hill 0": lambda law, family: SethHill(0.0, law),
+    "Seth–Hill −1": lambda law, family: SethHill(-1.0, law),
+    "Seth–Hill 1 + penalty": lambda law, family: SethHill(1.0, law, SillingControl()),
+    "Seth–Hill 1 + Wan": lambda law, family: SethHill(1.0, law, WanControl()),
+    "Seth–Hill 1 + hourglass": lambda law, family: SethHill(1.0, law, LittlewoodControl()),
+    "Seth–Hill 0 + penalty": lambda law, family: SethHill(0.0, law, SillingControl()),
+    "Seth–Hill 0 + Wan": lambda law, family: SethHill(0.0, law, WanControl()),
+    "Seth–Hill 0 + hourglass": lambda law, family: SethHill(0.0, law, LittlewoodControl()),
+    "extended 1": lambda law, family: TupekRadovitzky(1.0, law),
+    "extended 0": lambda law, family: TupekRadovitzky(0.0, law),
+    "bond-level": lambda law, family: BondLevel(law),
+    "bond-level, two-sided": lambda law, family: BondLevelAverage(law),
+    "bond-associated": lambda law, family: BondAssociated(law),
+    "bond-associated, force": lambda law, family: BondAssociatedForce(law),
+    "sub-horizon": lambda law, family: SubHorizon(law),
+    "reproducing kernel 2": lambda law, family: ReproducingKernel(law, 2),
 }

@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .._internal.checks import as_real, is_concrete
-from .._internal.doors import taught
+from .._internal.public import public_function
 from ..geometry.bonds import Bonds
 from .base import PROMISES, AbstractModel, PointStateModel, Sums, TwoStageModel
 
@@ -90,7 +90,7 @@ for _name in PROMISES:
         setattr(_kind, _name, _OWN[_name] if _name in _OWN else property(attrgetter(f"base.{_name}")))
 
 
-@taught
+@public_function
 def graded(model: AbstractModel, factor) -> AbstractModel:
     """`model` with its energy times `factor`: one number, or one for each point of the body (points,) [-], > 0.
 

@@ -21,7 +21,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .._internal.doors import taught
+from .._internal.public import public_function
 from ..geometry.bonds import Bonds
 
 
@@ -77,7 +77,7 @@ def _log1p_jvp(primals, tangents):
     return log1p(g), dg * (1 / (1 + g))
 
 
-@taught
+@public_function
 def log_stretch(xi: Float[Array, "... dim"], eta: Float[Array, "... dim"]) -> Float[Array, "..."]:
     """ℓ = log(|ξ + η|/|ξ|) [-] from the displacement: no cancellation at small strain.
 
@@ -131,7 +131,7 @@ def direction_mandel(xi: Float[Array, "... dim"]) -> Float[Array, "... p"]:
     return to_mandel(xi[..., :, None] * xi[..., None, :]) / jnp.sum(xi * xi, axis=-1)[..., None]
 
 
-@taught
+@public_function
 def shape_tensor_K(bonds: Bonds) -> Float[Any, "*points dim dim"]:
     """K = Σ w ξ⊗ξ [length^(dim+2)] of one family, or of many along leading axes; of NumPy arrays a NumPy array."""
     w = bonds.omega * bonds.volume
@@ -140,7 +140,7 @@ def shape_tensor_K(bonds: Bonds) -> Float[Any, "*points dim dim"]:
     return jnp.einsum("...b,...bi,...bj->...ij", w, bonds.xi, bonds.xi)
 
 
-@taught
+@public_function
 def shape_tensor_L(bonds: Bonds) -> Float[Any, "*points p p"]:
     """L = Σ w n⊗n⊗n⊗n as a Mandel matrix [length^dim] of one family or of many, as for `shape_tensor_K`."""
     w, xi = bonds.omega * bonds.volume, bonds.xi
@@ -200,7 +200,7 @@ def bond_strain_moment(bonds: Bonds, m) -> Float[Array, " p"]:
     return (w * seth_hill(log_stretch(bonds.xi, bonds.eta), m)) @ direction_mandel(bonds.xi)
 
 
-@taught
+@public_function
 def bond_average_strain(bonds: Bonds, m) -> Float[Array, " p"]:
     """Ē_m = L⁻¹ : Σ w e_m n⊗n as a Mandel vector [-].
 
@@ -209,7 +209,7 @@ def bond_average_strain(bonds: Bonds, m) -> Float[Array, " p"]:
     return solve_positive(shape_tensor_L(bonds), bond_strain_moment(bonds, m))
 
 
-@taught
+@public_function
 def local_strain(F: Float[Array, "dim dim"], m) -> Float[Array, "dim dim"]:
     """The classical Seth–Hill strain E_m(F) = (Cᵐ − I)/2m, C = FᵀF, smooth at equal principal stretches.
 

@@ -147,9 +147,9 @@ def _log_stretch_across(lam: Array, mu: Array, log_J2: Array) -> Float[Array, ""
     def step(x, lam, mu, log_J2):
         return x - (mu * jnp.expm1(2 * x) + lam * (x + log_J2)) / (2 * mu * jnp.exp(2 * x) + lam)
 
-    still = jax.lax.stop_gradient((lam, mu, log_J2))
-    x = jnp.maximum(0.0, -still[2])
-    x = jax.lax.fori_loop(0, 60, lambda _, x: step(x, *still), jax.lax.stop_gradient(x))
+    frozen = jax.lax.stop_gradient((lam, mu, log_J2))
+    x = jnp.maximum(0.0, -frozen[2])
+    x = jax.lax.fori_loop(0, 60, lambda _, x: step(x, *frozen), jax.lax.stop_gradient(x))
     for _ in range(2):
         x = step(x, lam, mu, log_J2)
     return x

@@ -14,7 +14,7 @@ import jax
 from jaxtyping import Array, Float
 
 from .._internal.checks import as_real, deformation_gradient, is_concrete
-from .._internal.doors import taught
+from .._internal.public import public_function
 from ..geometry.bonds import Bonds
 from .base import PointStateModel, Sums
 
@@ -83,9 +83,9 @@ class Linearised(PointStateModel):
         return direct + self.base.bond_force(change, change, at) if jax.tree.leaves(change) else direct
 
 
-@taught
+@public_function
 def linearised(model: PointStateModel, F) -> Linearised:
-    """The tangent of `model` about x = F X, itself a model: `force_density(linearised(model, F), fams, v)` is J v.
+    """The tangent of `model` about x = F X, itself a model: `force_density(linearised(model, F), families, v)` is J v.
 
     Arguments: model made of moments whose force is linear in the point state (`additive`); F (dim, dim) [-], det F > 0.
     Raises: ValueError for another model, or an F that can't be.

@@ -9,10 +9,10 @@ The shear modulus G is the same in both. Lamé's first constant of the plane is 
 from jaxtyping import Array
 
 from .._internal.checks import as_real, check_positive, choice, on_device, on_host, require
-from .._internal.doors import taught
+from .._internal.public import public_function
 
 
-@taught
+@public_function
 def plane_bulk_modulus(bulk, shear, plane: str) -> Array:
     """k [pressure] of plane "strain" or "stress" from K and G of the solid [pressure], > 0."""
     choice("plane", plane, ("strain", "stress"))

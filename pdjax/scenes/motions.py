@@ -12,7 +12,7 @@ from .._internal.checks import as_real, deformation_gradient, is_concrete, on_ho
 from ..finite_body import conditions
 from ..finite_body.dynamics.system import Motion, Ramp, motion
 from ..finite_body.scene import scene
-from ..geometry.bonds import Family, lattice_family
+from ..geometry.bonds import LatticeFamily, lattice_family
 from ..geometry.neighbour_search import families
 from ..geometry.points import lattice
 from ..infinite_lattice.dispersion import dispersion
@@ -23,10 +23,10 @@ from .bodies import _count, _ratio, _unit_model
 
 
 @eqx.filter_jit
-def _rate_of_uniaxial_stress(model: AbstractModel, fam: Family) -> Float[Array, "dim dim"]:
+def _rate_of_uniaxial_stress(model: AbstractModel, family: LatticeFamily) -> Float[Array, "dim dim"]:
     """dF/da at rest of the path `uniaxial_stress`."""
-    at_rest = jnp.zeros((), fam.xi.dtype)
-    return jax.jvp(lambda a: uniaxial_stress(a, model, fam), (at_rest,), (jnp.ones_like(at_rest),))[1]
+    at_rest = jnp.zeros((), family.xi.dtype)
+    return jax.jvp(lambda a: uniaxial_stress(a, model, family), (at_rest,), (jnp.ones_like(at_rest),))[1]
 
 
 def cuboid(shape, N: float = 3, strain=0.05, rate=1e-2, model: AbstractModel | None = None, density=1.0) -> Motion:
@@ -54,8 +54,8 @@ def cuboid(shape, N: float = 3, strain=0.05, rate=1e-2, model: AbstractModel | N
     held = conditions.prescribe(ends, strain * x[ends, None], components=0)
     fixed = scene(body, families(body, N * h), _unit_model(model), held, moving=True, name="cuboid")
     duration = abs(strain) / rate
-    fam = lattice_family(body.dim, N, h)
-    pull = on_host(_rate_of_uniaxial_stress(fixed.model, fam))
+    family = lattice_family(body.dim, N, h)
+    pull = on_host(_rate_of_uniaxial_stress(fixed.model, family))
     centre = 0.5 * h * np.array(shape)
     velocity = math.copysign(rate, strain) * (body.positions - centre) @ pull.T
     return motion(fixed, density, schedule=Ramp(duration), velocity=velocity, duration=duration)  # type: ignore
@@ -114,8 +114,8 @@ def wave(
     body = lattice(shape, 1.0, periodic=True)
     model = _unit_model(model)
     mean = None if F is None else deformation_gradient(F, dim)
-    fam = lattice_family(dim, N)
-    found = on_host(dispersion(model, fam, np.eye(dim) if mean is None else mean, given[None], density))
+    family = lattice_family(dim, N)
+    found = on_host(dispersion(model, family, np.eye(dim) if mean is None else mean, given[None], density))
     e, omega = found.mode[0, :, branch], found.frequency[0, branch]
     phase = ((body.positions - body.positions[0]) @ given)[:, None]  # a crest on a point: k = π/h is seen
     u0 = on_host(as_real(u0))
@@ -125,7 +125,7 @@ def wave(
     duration = None
     if is_concrete(omega, u0):
         rate, growth = float(omega), float(found.growth[0, branch])
-        rate = rate or math.sqrt(float(p_wave_modulus(model, fam)) / density) * float(np.linalg.norm(given))
+        rate = rate or math.sqrt(float(p_wave_modulus(model, family)) / density) * float(np.linalg.norm(given))
         if growth and u0:
             duration = math.log(max(1e-2 / abs(float(u0)), 10.0)) / growth
         elif rate:

@@ -25,24 +25,24 @@ from jaxtyping import Array
 
 from .._internal.checks import computed_in_double
 from .._internal.threads import cores, shared
-from .._internal.xla import QUICK, quick_jit
+from .._internal.xla import QUICK, compiled_with
 from ..geometry.bonds import Bonds, Families
 from ..models.base import AbstractModel, PointStateModel, TwoStageModel
 from ..models.pointwise import regular, split_model
 from .linearise import TwoStage, family_tangent, linearise_states, linearise_two_stage
 
 
-def _point_tangents(model: AbstractModel, fams: Families, bonds: Bonds) -> Any:
+def _point_tangents(model: AbstractModel, families: Families, bonds: Bonds) -> Any:
     """LowRank of every point (point-state models), or the dense C of every point. What comes of bonds without weight
     means nothing."""
-    varying, shared = split_model(model, len(fams))
+    varying, shared = split_model(model, len(families))
     bonds, _ = regular(bonds)
     if not isinstance(model, PointStateModel | TwoStageModel):
         return jax.vmap(lambda mine, b: family_tangent(eqx.combine(mine, shared), b))(varying, bonds)
     if isinstance(model, PointStateModel) and not model.needs_other_end:
         return jax.vmap(lambda mine, b: linearise_states(eqx.combine(mine, shared), b))(varying, bonds)
     states = jax.vmap(lambda mine, b: ravel_pytree(eqx.combine(mine, shared).point_state(b))[0])(varying, bonds)
-    far = states[fams.neighbours]
+    far = states[families.neighbours]
     linearise: Any = linearise_two_stage if isinstance(model, TwoStageModel) else linearise_states
     return jax.vmap(lambda mine, b, there: linearise(eqx.combine(mine, shared), b, there))(varying, bonds, far)
 
@@ -65,10 +65,10 @@ class _Rings(NamedTuple):
     place: np.ndarray  # (true bonds,) block of every bond
 
     @staticmethod
-    def of(fams: Families) -> "_Rings":
+    def of(families: Families) -> "_Rings":
         """A bond that has no weight seen from one end keeps its place while it has some from the other."""
-        weight = np.asarray(fams.weight)
-        true = (weight > 0) | (weight[np.asarray(fams.neighbours), np.asarray(fams.reverse)] > 0)
+        weight = np.asarray(families.weight)
+        true = (weight > 0) | (weight[np.asarray(families.neighbours), np.asarray(families.reverse)] > 0)
         count = true.sum(axis=1)
         start = np.concatenate([[0], np.cumsum(count + 1)])
         i, slot = np.nonzero(true)
@@ -76,7 +76,7 @@ class _Rings(NamedTuple):
         column = np.empty(start[-1], dtype=np.int32)
         place = start[i] + order
         column[start[:-1]] = np.arange(len(true))
-        column[place] = np.asarray(fams.neighbours)[i, slot]
+        column[place] = np.asarray(families.neighbours)[i, slot]
         return _Rings(true, start.astype(np.int32), column, start[:-1], place)
 
     def matrix(self, on_bonds: np.ndarray, on_points: np.ndarray) -> sp.bsr_array:
@@ -109,18 +109,18 @@ def _product(P: sp.bsr_array, S: sp.bsr_array) -> sp.bsr_array:
 
 
 @eqx.filter_jit
-def _tangents(model: AbstractModel, fams: Families, u: Array, F: Array | None) -> Any:
-    return _point_tangents(model, fams, fams.bonds(u, F))
+def _tangents(model: AbstractModel, families: Families, u: Array, F: Array | None) -> Any:
+    return _point_tangents(model, families, families.bonds(u, F))
 
 
-@quick_jit(QUICK)
-def _ring_blocks(model: PointStateModel, fams: Families, u: Array, F: Array | None) -> tuple[Array, ...]:
+@compiled_with(QUICK)
+def _ring_blocks(model: PointStateModel, families: Families, u: Array, F: Array | None) -> tuple[Array, ...]:
     """D, P and S of the module's text, each as its blocks on bonds (points, bonds, …) and on points (points, …)."""
-    bonds = fams.bonds(u, F)
-    real = (fams.weight > 0)[..., None, None]
-    t = _point_tangents(model, fams, bonds)
+    bonds = families.bonds(u, F)
+    real = (families.weight > 0)[..., None, None]
+    t = _point_tangents(model, families, bonds)
     B, G, S = (jnp.where(real, x, 0.0) for x in (t.B, t.G, jnp.moveaxis(t.R, 2, 1)))
-    back, V = (fams.neighbours, fams.reverse), bonds.volume[..., None, None]
+    back, V = (families.neighbours, families.reverse), bonds.volume[..., None, None]
     D, P, P_own = V * (B + B[back]), -V * G[back], V * G
     if model.needs_other_end:
         there = jnp.where(real, t.there, 0.0)
@@ -128,24 +128,24 @@ def _ring_blocks(model: PointStateModel, fams: Families, u: Array, F: Array | No
     return D, -jnp.sum(D, axis=1), P, jnp.sum(P_own, axis=1), S, -jnp.sum(S, axis=1)
 
 
-def sparse_jacobian(model: AbstractModel, fams: Families, u: Array, F: Array | None) -> sp.csr_array:
+def sparse_jacobian(model: AbstractModel, families: Families, u: Array, F: Array | None) -> sp.csr_array:
     """J (points·dim, points·dim) at checked u and mean deformation F (or None), with sorted indices."""
-    points, dim = len(fams), fams.dim
+    points, dim = len(families), families.dim
     if isinstance(model, PointStateModel):
-        D, D_own, P, P_own, S, S_own = computed_in_double(_ring_blocks, model, fams, u, F)
-        rings = _Rings.of(fams)
+        D, D_own, P, P_own, S, S_own = computed_in_double(_ring_blocks, model, families, u, F)
+        rings = _Rings.of(families)
         J = rings.matrix(D, D_own)
         J.sort_indices()
         if S.shape[2]:
             J = J + _product(rings.matrix(P, P_own), rings.matrix(S, S_own))
         return J.tocsr()  # sorted, as both terms were
-    tangents = computed_in_double(_tangents, model, fams, u, F)
-    true = np.asarray(fams.weight) > 0
+    tangents = computed_in_double(_tangents, model, families, u, F)
+    true = np.asarray(families.weight) > 0
     i, slot = np.nonzero(true)
-    j = np.asarray(fams.neighbours)[i, slot]
+    j = np.asarray(families.neighbours)[i, slot]
     bond, count = np.arange(len(i)), len(i)
     ones = np.broadcast_to(np.eye(dim), (count, dim, dim))
-    V = np.asarray(fams.volumes, dtype=float)
+    V = np.asarray(families.volumes, dtype=float)
     difference = _block_csr(bond, j, ones, (count, points)) - _block_csr(bond, i, ones, (count, points))
     if isinstance(model, TwoStageModel):
         return _of_energies(tangents, V, difference, (i, slot, j))

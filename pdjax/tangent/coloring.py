@@ -24,13 +24,13 @@ from ..geometry.bonds import Families
 from ..models.base import AbstractModel
 
 
-def jacobian_pattern(fams: Families, rings: int) -> sp.csr_array:
+def jacobian_pattern(families: Families, rings: int) -> sp.csr_array:
     """Which points' displacements reach which points' forces, (points, points): true bonds, `rings` of them."""
-    i, slot = np.nonzero(np.asarray(fams.weight) > 0)
-    j = np.asarray(fams.neighbours)[i, slot]
-    here = np.arange(len(fams))
+    i, slot = np.nonzero(np.asarray(families.weight) > 0)
+    j = np.asarray(families.neighbours)[i, slot]
+    here = np.arange(len(families))
     rows, cols = np.concatenate([i, here]), np.concatenate([j, here])
-    near = sp.coo_array((np.ones(len(rows), dtype=np.int32), (rows, cols)), shape=(len(fams),) * 2).tocsr()
+    near = sp.coo_array((np.ones(len(rows), dtype=np.int32), (rows, cols)), shape=(len(families),) * 2).tocsr()
     near = ((near + near.T) > 0).astype(np.int32)  # a bond that weighs nothing from one end may from the other
     pattern = near
     for _ in range(rings - 1):
@@ -70,19 +70,19 @@ def _probes(
     return jax.lax.map(one, jnp.arange(count))
 
 
-def coloured_jacobian(model: AbstractModel, fams: Families, u, F=None) -> sp.csr_array:
+def coloured_jacobian(model: AbstractModel, families: Families, u, F=None) -> sp.csr_array:
     """∂f/∂u of a body by coloured JVPs, (points·dim, points·dim) [force/length^(dim+1)].
 
     Rows and columns run over points, then components; the pattern is that of the model's rings, zeros included.
     Arguments: u (points, dim) [length]; F (dim, dim) a mean deformation or None, as in `force_density`.
     Raises: ValueError as `force_density`.
     """
-    u, F = body_state(model, fams, u, F)
-    operator = force_operator(model, fams, mean=F is not None)
-    pattern = jacobian_pattern(fams, model.rings)
+    u, F = body_state(model, families, u, F)
+    operator = force_operator(model, families, mean=F is not None)
+    pattern = jacobian_pattern(families, model.rings)
     colours = colouring(pattern)
-    probes = np.asarray(_probes(operator, u.astype(fams.dtype), F, colours, int(colours.max()) + 1))
-    i, j = np.repeat(np.arange(len(fams)), np.diff(pattern.indptr)), pattern.indices
+    probes = np.asarray(_probes(operator, u.astype(families.dtype), F, colours, int(colours.max()) + 1))
+    i, j = np.repeat(np.arange(len(families)), np.diff(pattern.indptr)), pattern.indices
     blocks = probes[colours[j], :, i, :].transpose(0, 2, 1)  # [component of f, component of u]
-    size = len(fams) * fams.dim
+    size = len(families) * families.dim
     return sp.bsr_array((blocks, j, pattern.indptr), shape=(size, size)).tocsr()

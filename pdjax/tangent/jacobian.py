@@ -1,7 +1,7 @@
 """The exact Jacobian J = ∂f/∂u of a body: as JVP, dense, sparse.
 
 Forward differentiation of the force density is the reference (`jvp`, dense `jacobian`). The sparse matrix is
-assembled from structure (`pdjax.tangent.jacobian.assembly`) or, for a check, probed along colours (`pdjax.tangent.jacobian.coloring`).
+assembled from structure (`pdjax.tangent.assembly`) or, for a check, probed along colours (`pdjax.tangent.coloring`).
 V J is symmetric for hyperelastic models; J itself only for equal volumes.
 """
 
@@ -10,7 +10,7 @@ import jax
 from jaxtyping import Array, Float
 
 from .._internal.checks import choice
-from .._internal.doors import taught
+from .._internal.public import public_function
 from ..force.fields import body_state, point_field
 from ..force.operator import ForceOperator, force_operator
 from ..geometry.bonds import Families
@@ -24,16 +24,16 @@ def _along(operator: ForceOperator, u: Array, v: Array, F: Array | None) -> Arra
     return jax.jvp(lambda w: operator(w, F), (u,), (v,))[1]
 
 
-@taught
-def jvp(model: AbstractModel, fams: Families, u, v, F=None) -> Float[Array, "points dim"]:
+@public_function
+def jvp(model: AbstractModel, families: Families, u, v, F=None) -> Float[Array, "points dim"]:
     """J v, the directional derivative of the force density at u along v (points, dim) [length]."""
-    operator = force_operator(model, fams, mean=F is not None)
-    u, v = (point_field(x, fams, name).astype(fams.dtype) for x, name in ((u, "u"), (v, "v")))
+    operator = force_operator(model, families, mean=F is not None)
+    u, v = (point_field(x, families, name).astype(families.dtype) for x, name in ((u, "u"), (v, "v")))
     return _along(operator, u, v, F)
 
 
-@taught
-def jacobian(model: AbstractModel, fams: Families, u, form: str = "sparse", F=None):
+@public_function
+def jacobian(model: AbstractModel, families: Families, u, form: str = "sparse", F=None):
     """The exact Jacobian ∂f/∂u of a body, (points·dim, points·dim) [force/length^(dim+1)].
 
     Rows and columns run over points, then components. `form` "dense": a JAX array by `jax.jacfwd` (differentiable;
@@ -43,11 +43,11 @@ def jacobian(model: AbstractModel, fams: Families, u, form: str = "sparse", F=No
     """
     choice("form", form, ("sparse", "dense", "coloured"))
     if form == "coloured":
-        return coloured_jacobian(model, fams, u, F)
-    u, F = body_state(model, fams, u, F)
+        return coloured_jacobian(model, families, u, F)
+    u, F = body_state(model, families, u, F)
     if form == "sparse":
-        return sparse_jacobian(model, fams, u, F)
-    return _dense(force_operator(model, fams, mean=F is not None), u.astype(fams.dtype), F)
+        return sparse_jacobian(model, families, u, F)
+    return _dense(force_operator(model, families, mean=F is not None), u.astype(families.dtype), F)
 
 
 @eqx.filter_jit

@@ -16,7 +16,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..._internal.checks import is_concrete
-from ..._internal.doors import taught
+from ..._internal.public import public_function
 
 
 class Rate(NamedTuple):
@@ -26,14 +26,14 @@ class Rate(NamedTuple):
     frequency: Any
 
 
-@taught
+@public_function
 def amplitude(field, mode) -> Float[Array, " saves"]:
     """⟨mode, field⟩/⟨mode, mode⟩ of fields (saves, points, dim) on a mode (points, dim)."""
     field, mode = jnp.asarray(field), jnp.asarray(mode)
     return jnp.tensordot(field, mode, ((-2, -1), (-2, -1))) / jnp.sum(mode**2)
 
 
-@taught
+@public_function
 def measured_rate(times, amplitudes) -> Rate:
     """γ or ω of one mode.
 
@@ -69,7 +69,7 @@ def _fit(times: Array, a: Array) -> Rate:
     return Rate(growth, frequency)
 
 
-@taught
+@public_function
 def verlet_rate(rate: Any, dt: Any) -> Rate:
     """The `Rate` at which velocity Verlet with step dt runs a mode of the true rate: exact for linear motions."""
     growth, frequency = rate

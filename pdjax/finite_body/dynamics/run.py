@@ -18,8 +18,8 @@ import numpy as np
 from jaxtyping import Array
 
 from ..._internal.checks import inside_jit, is_concrete, writable
-from ..._internal.doors import taught
 from ..._internal.progress import progress
+from ..._internal.public import public_function
 from ..observers import Snapshot, check_observers
 from . import checkpoint as checkpoints
 from .history import DONE, ENERGY_GREW, NOT_FINITE, Failure, History, alarmed, as_arrays, failure, stacked
@@ -238,7 +238,7 @@ def _diagnose(motion: Motion, state: State, saved: State, dt: float) -> Failure:
     return failure(motion, state, saved, dt, (critical[0], critical[1]))
 
 
-@taught
+@public_function
 def simulate(
     motion: Motion,
     duration: float | None = None,

@@ -17,7 +17,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from ..._internal.checks import as_array, as_real, check_positive, is_concrete, namespace, on_device, on_host
-from ..._internal.doors import taught
+from ..._internal.public import public_function
 from ...force.fields import point_field
 from ..scene import Scene
 
@@ -146,7 +146,7 @@ def _density(density: Any, points: int, dtype: Any) -> Array:
     return density
 
 
-@taught
+@public_function
 def motion(
     scene: Scene,
     density=1.0,

@@ -18,7 +18,7 @@ import optimistix as optx
 from jaxtyping import Array
 
 from ..._internal.checks import is_concrete, namespace, on_device
-from ..._internal.doors import taught
+from ..._internal.public import public_function
 from ..observers import Snapshot, check_observers
 from .history import DONE, SOLVER_FAILED, Failure, History
 from .run import SAVES, run_length, time_step
@@ -36,7 +36,7 @@ def _acceleration(motion: Motion, t, q: Array) -> Array:
     return force.reshape(-1)[scene.unknowns]
 
 
-@taught
+@public_function
 def diffrax_start(motion: Motion) -> tuple[Array, Array]:
     """y at t = 0: (free displacements [length], free velocities [length/time]), (unknowns,) each."""
     keep = motion.scene.unknowns
@@ -69,13 +69,13 @@ class _Kick(eqx.Module):
         return _acceleration(self.motion, t, q)
 
 
-@taught
+@public_function
 def diffrax_terms(motion: Motion) -> diffrax.ODETerm:
     """y' of the module's head as one term; `args` is not used."""
     return diffrax.ODETerm(_Field(motion.prepared()))
 
 
-@taught
+@public_function
 def symplectic_terms(motion: Motion) -> tuple[diffrax.ODETerm, diffrax.ODETerm]:
     """(q' = w, w' = a(q)) for `diffrax.SemiImplicitEuler`.
 
@@ -122,7 +122,7 @@ def _describe(motion: Motion, times, q: Array, w: Array, observers: dict[str, An
     return jax.lax.map(lambda x: one(*x), (times, q, w))
 
 
-@taught
+@public_function
 def simulate_diffrax(
     motion: Motion,
     duration: float | None = None,

@@ -7,17 +7,17 @@ matrix is stored. Lanczos comes from below, so Δt_cr comes from above, within A
 import numpy as np
 
 from ..._internal.checks import in_double, is_concrete
-from ..._internal.doors import taught
+from ..._internal.public import public_function
 from ...force.fields import point_field
 from ..factorisation import as_operator, product
-from ..scene import still
+from ..scene import frozen
 from .system import Motion
 
 ACCURACY = 1e-3  # of ω_max²
 SAFETY = 0.8  # of the critical step at the start, where none is given: bodies stiffen as they deform
 
 
-@taught
+@public_function
 @in_double
 def critical_time_step(motion: Motion, u=None, t=0.0) -> float:
     """Δt_cr = 2/ω_max [time] of velocity Verlet and central differences, linearised at u.
@@ -30,7 +30,7 @@ def critical_time_step(motion: Motion, u=None, t=0.0) -> float:
         raise ValueError(
             f"motion must be a Motion (pdjax.motion(scene, density) or a moving scene); got {type(motion).__name__}"
         )
-    motion = still(motion)
+    motion = frozen(motion)
     scene, density = motion.scene, motion.density
     if not is_concrete(motion, u):
         raise ValueError("the critical time step is found on the host: under jit or vmap give dt yourself")

@@ -13,9 +13,9 @@ import numpy as np
 from jaxtyping import Float
 
 from ..._internal.checks import in_double
-from ..._internal.doors import taught
+from ..._internal.public import public_function
 from ..factorisation import Factor, Singular, load_rate, matrix, relative, residual_and_scale
-from ..scene import Scene, still
+from ..scene import Scene, frozen
 from ..spectrum import need_energy
 from .result import CONVERGED, OUT_OF_STEPS, REASONS, SINGULAR, STEP_TOO_SMALL
 
@@ -39,7 +39,7 @@ class EquilibriumPath(eqx.Module):
         return np.flatnonzero(rise[1:] * rise[:-1] < 0) + 1
 
 
-@taught
+@public_function
 @in_double
 def equilibrium_path(
     scene: Scene,
@@ -58,7 +58,7 @@ def equilibrium_path(
     if not (0 < arc <= largest_arc and states >= 1):
         raise ValueError(f"need 0 < arc <= largest_arc and states >= 1; got {arc}, {largest_arc}, {states}")
     need_energy(scene)
-    scene = still(scene)
+    scene = frozen(scene)
     q = np.zeros(scene.unknowns.shape[0], scene.prescribed.dtype)
     factor = 0.0
 

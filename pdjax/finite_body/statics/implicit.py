@@ -15,12 +15,12 @@ import numpy as np
 from jaxtyping import Array
 
 from ..factorisation import Factor, matrix, product, residual
-from ..scene import Scene, still
+from ..scene import Scene, frozen
 
 
 def attach(scene: Scene, q: np.ndarray, factor: float) -> Array:
     """q with the derivatives it has as the solution of the (traced) scene; its value is unchanged."""
-    quiet, root = still(scene), jax.device_put(q)
+    quiet, root = frozen(scene), jax.device_put(q)
     lu = Factor(matrix(quiet, quiet.displacement(q, factor), factor), scene.model.hyperelastic)
 
     def solved(b: Any, transposed: bool) -> np.ndarray:

@@ -13,10 +13,10 @@ import numpy as np
 from jaxtyping import Array
 
 from ..._internal.checks import choice, in_double, inside_jit, is_concrete, namespace, on_device
-from ..._internal.doors import taught
 from ..._internal.progress import Residuals
+from ..._internal.public import public_function
 from ..factorisation import Singular, load_rate, residual_and_scale, residual_of
-from ..scene import Scene, still
+from ..scene import Scene, frozen
 from ..spectrum import body_stability
 from .implicit import attach, leaves_sum, without_derivative
 from .newton import direct, krylov, newton
@@ -99,7 +99,7 @@ def _check(scene, method, tolerance, step, smallest_step, predictor) -> None:
         raise ValueError(f"need 0 < smallest_step <= step <= 1; got step {step}, smallest_step {smallest_step}")
 
 
-@taught
+@public_function
 @in_double
 def solve(
     scene: Scene,
@@ -137,7 +137,7 @@ def solve(
     else:
         xp = namespace(start, scene.unknowns)
         q = xp.asarray(start, dtype).reshape(-1)[xp.asarray(scene.unknowns)]
-    quiet = still(scene)
+    quiet = frozen(scene)
     if inside_jit() or not is_concrete(quiet, q):
         if method != "trust_region":
             raise ValueError(f"method {method!r} runs on the host; under jit or vmap use method='trust_region'")

@@ -28,7 +28,7 @@ from ..._internal.checks import computed, is_concrete, namespace, on_device, on_
 from ..._internal.dependence import known_part
 from ..._internal.memory import remember
 from ..._internal.threads import cores
-from ..._internal.xla import ONCE, quick_jit
+from ..._internal.xla import ONCE, compiled_with
 from ...geometry.bonds import EACH_BOND, Bonds, Families
 from ...models.base import PointStateModel, Sums
 from .streaming import state_rows
@@ -125,7 +125,7 @@ def _tables(model: PointStateModel, stencil: tuple[tuple[tuple[int, ...], ...], 
     return Tables(reference, _derivatives(lambda b: flat(b, 1), degree, bonds), _derivatives(force, 1, bonds)), zero
 
 
-_compiled_tables = quick_jit(ONCE)(_tables)
+_compiled_tables = compiled_with(ONCE)(_tables)
 
 
 class Plan(NamedTuple):
@@ -171,24 +171,24 @@ def _planned(tables: Tables, entries: int) -> tuple[Plan, np.ndarray]:
     return Plan(tuple(first), tuple(second), size, entries), np.array(kernels.rows).reshape(-1, len(tables.reference))
 
 
-def _known(model: PointStateModel, fams: Families) -> tuple[Any, PointStateModel, tuple, int] | None:
-    grid: Any = fams.grid
-    stencil = (grid.offsets, fams.dim, float(fams.spacing or 1.0), grid.horizon)
+def _known(model: PointStateModel, families: Families) -> tuple[Any, PointStateModel, tuple, int] | None:
+    grid: Any = families.grid
+    stencil = (grid.offsets, families.dim, float(families.spacing or 1.0), grid.horizon)
     degree = model.degree
-    known = known_part(fams, ("tables", degree), lambda m: _tables(m, stencil, degree), model)
+    known = known_part(families, ("tables", degree), lambda m: _tables(m, stencil, degree), model)
     return None if known is None else (*known, stencil, degree)
 
 
-def has_kernels(model: PointStateModel, fams: Families) -> bool:
+def has_kernels(model: PointStateModel, families: Families) -> bool:
     """Whether all constants that the kernels depend on are known."""
-    return _known(model, fams) is not None
+    return _known(model, families) is not None
 
 
 class Convolution(eqx.Module):
     """A model's force density on one lattice body by FFT."""
 
     transforms: Complex[Array, "kernels *frequencies"]
-    still: Array  # (kernels, *cells), Σ_o κ(o) χ(i + o)
+    at_rest: Array  # (kernels, *cells), Σ_o κ(o) χ(i + o)
     filled: Array  # (*cells)
     reference: Array  # (entries, *cells)
     sites: Array | None
@@ -197,9 +197,9 @@ class Convolution(eqx.Module):
     box: tuple[int, ...] = eqx.field(static=True)
 
     @staticmethod
-    def of(model: PointStateModel, fams: Families) -> "Convolution":
+    def of(model: PointStateModel, families: Families) -> "Convolution":
         """Made on the host where the families are known. Call only if `has_kernels`."""
-        known = _known(model, fams)
+        known = _known(model, families)
         assert known is not None
         key, there, stencil, degree = known
 
@@ -207,10 +207,10 @@ class Convolution(eqx.Module):
             tables, state = computed(_compiled_tables, there, stencil, degree)
             return (*_planned(tables, state.size), tables.reference)
 
-        plan, rows, reference = remember(fams, ("kernels", key), planned)
-        if not is_concrete(fams):
-            return _transformed(fams, plan, rows, reference)
-        return remember(fams, ("convolution", key), lambda: _transformed(fams, plan, rows, reference))
+        plan, rows, reference = remember(families, ("kernels", key), planned)
+        if not is_concrete(families):
+            return _transformed(families, plan, rows, reference)
+        return remember(families, ("convolution", key), lambda: _transformed(families, plan, rows, reference))
 
     def _forth(self, x: Array) -> Array:
         return jnp.fft.rfftn(x, s=self.box, axes=tuple(range(1, x.ndim)))
@@ -240,7 +240,7 @@ class Convolution(eqx.Module):
         for t in terms:
             if not t.there:
                 factor = value(t.here)
-                share = t.scale * self.still[t.kernel]
+                share = t.scale * self.at_rest[t.kernel]
                 out[t.out] = out[t.out] + (share if factor is None else factor * share)
         return [jnp.broadcast_to(x, self.cells) for x in out]
 
@@ -267,21 +267,21 @@ def _distinct(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return np.array(kernels.rows).reshape(-1, rows.shape[1]), numbers, scales
 
 
-def _transformed(fams: Families, plan: Plan, rows: np.ndarray, reference: np.ndarray) -> Convolution:
+def _transformed(families: Families, plan: Plan, rows: np.ndarray, reference: np.ndarray) -> Convolution:
     """The transforms, by SciPy where the families are known and by JAX where they are traced."""
     import scipy.fft  # late: a sixth of what importing pdjax would take
 
-    xp: Any = namespace(fams)
+    xp: Any = namespace(families)
     fft: Any = scipy.fft if xp is np else jnp.fft
-    grid: Any = on_host(fams.grid)
-    real, dim = fams.dtype, fams.dim
+    grid: Any = on_host(families.grid)
+    real, dim = families.dtype, families.dim
     offsets = np.array(grid.offsets).reshape(-1, dim)
     reach = np.abs(offsets).max(axis=0, initial=0)
     box = tuple(
         n if wraps else scipy.fft.next_fast_len(int(n + r), real=True)
         for n, r, wraps in zip(grid.cells, reach, grid.periodic, strict=True)
     )
-    axes, weight = tuple(range(1, dim + 1)), grid.influence * float(fams.spacing or 1.0) ** dim
+    axes, weight = tuple(range(1, dim + 1)), grid.influence * float(families.spacing or 1.0) ** dim
 
     def transforms(rows: np.ndarray) -> Any:
         """Of kernels (kernels, offsets), mirrored: a correlation is a product."""
@@ -295,15 +295,15 @@ def _transformed(fams: Families, plan: Plan, rows: np.ndarray, reference: np.nda
     def back(spectra: Any) -> Any:
         return fft.irfftn(spectra, s=box, axes=axes)[(slice(None), *(slice(0, n) for n in grid.cells))]
 
-    filled = to_cells(xp.ones((len(fams), 1), real), grid.cells, grid.sites)[0]
+    filled = to_cells(xp.ones((len(families), 1), real), grid.cells, grid.sites)[0]
     with scipy.fft.set_workers(cores()):
         spectra, body = transforms(rows), fft.rfftn(filled, s=box)
-        still = back(spectra * body)
+        at_rest = back(spectra * body)
         distinct, number, scale = _distinct(reference.T)
         summed = back(transforms(distinct) * body)
     column = (slice(None), *(None,) * dim)
     full = (reference.T * weight).sum(axis=1)[column]  # what a full family has, where there is no point
     sums = summed[number] * scale.astype(real)[column] if len(number) else xp.zeros((0, *grid.cells), real)
     sums = xp.where(filled > 0, sums, full).astype(real)
-    spectra, still, filled, sums, sites = on_device((spectra, still, filled, sums, grid.sites))
-    return Convolution(spectra, still, filled, sums, sites, plan, grid.cells, box)
+    spectra, at_rest, filled, sums, sites = on_device((spectra, at_rest, filled, sums, grid.sites))
+    return Convolution(spectra, at_rest, filled, sums, sites, plan, grid.cells, box)

@@ -20,8 +20,8 @@ computed on both sides: the work grows by 1 + 2 H / P. What the family sums of t
 once, by the slab that owns the point, and exchanged in the same way.
 
     mesh = jax.sharding.Mesh(jax.devices(), ("slabs",))
-    fams = pd.families(pd.lattice((64, 32, 32), 1.0), 3.015, arrays=False)
-    f = pd.slab_force(model, fams, mesh)
+    families = pd.families(pd.lattice((64, 32, 32), 1.0), 3.015, arrays=False)
+    f = pd.slab_force(model, families, mesh)
 
     @jax.jit
     def verlet(u, v, dt, steps=100):                       # everything stays where it is
@@ -58,13 +58,13 @@ from jax.sharding import Mesh, NamedSharding, PartitionSpec
 from jaxtyping import Array, Float
 
 from ..._internal.checks import as_real, is_concrete, require
-from ..._internal.doors import taught
+from ..._internal.public import public_function
 from ...geometry.bonds import Families
 from ...models.base import AbstractModel, PointStateModel
 from ...models.pointwise import split_model
 from ..fields import check_model
 from .streaming import reference_sums, streamed_force
-from .traversal import GridWalk
+from .traversal import LatticeTraversal
 
 
 def device_mesh(mesh: Mesh) -> tuple[Mesh, str, int]:
@@ -82,7 +82,7 @@ def device_mesh(mesh: Mesh) -> tuple[Mesh, str, int]:
     return Mesh(mesh.devices, mesh.axis_names), name, mesh.shape[name]
 
 
-@taught
+@public_function
 def sharded_vmap(function: Callable, mesh: Mesh) -> Callable:
     """`jax.vmap(function)` whose batch is cut over the first axis of a mesh; no device hears of another's states.
 
@@ -90,7 +90,7 @@ def sharded_vmap(function: Callable, mesh: Mesh) -> Callable:
     Returns: a function of batches (states, …), any number of states (the last is repeated to fill the devices, and
         dropped); its results (states, …) are whole on every device.
     Raises: ValueError for what is no mesh, or batches of different lengths.
-    Example: `pd.sharded_vmap(lambda m: pd.critical_load(pd.SethHill(m, law), fam), mesh)(orders)`.
+    Example: `pd.sharded_vmap(lambda m: pd.critical_load(pd.SethHill(m, law), family), mesh)(orders)`.
     """
     mesh, name, devices = device_mesh(mesh)
     cut, whole = (NamedSharding(mesh, PartitionSpec(*axes)) for axes in ((name,), ()))
@@ -110,15 +110,15 @@ def sharded_vmap(function: Callable, mesh: Mesh) -> Callable:
     return mapped
 
 
-def _slab(fams: Families, cells: tuple[int, ...]) -> GridWalk:
-    """The walk over a slab with its halo: a lattice of `cells`, all filled, not periodic along the first axis."""
-    grid: Any = fams.grid
+def _slab(families: Families, cells: tuple[int, ...]) -> LatticeTraversal:
+    """The traversal over a slab with its halo: a lattice of `cells`, all filled, not periodic along the first axis."""
+    grid: Any = families.grid
     grid = replace(grid, cells=cells, periodic=(False, *grid.periodic[1:]), kinds=None)
     points = int(np.prod(cells))
-    volumes = jnp.full(points, float(fams.spacing or 1.0) ** fams.dim, fams.dtype)
+    volumes = jnp.full(points, float(families.spacing or 1.0) ** families.dim, families.dtype)
     nothing = (None,) * 5
     count = jnp.zeros(points, jnp.int32)
-    return GridWalk.of(Families(*nothing, volumes, count, fams.horizon, fams.spacing, cells, grid))
+    return LatticeTraversal.of(Families(*nothing, volumes, count, families.horizon, families.spacing, cells, grid))
 
 
 class SlabForce(eqx.Module):
@@ -127,7 +127,7 @@ class SlabForce(eqx.Module):
     varying: Any  # constants of the model that vary from point to point, slab by slab with their halos
     shared: AbstractModel
     reference: Float[Array, "entries flat"] | None  # slab after slab; None: not known yet
-    walk: GridWalk  # of one slab with its halo
+    traversal: LatticeTraversal  # of one slab with its halo
     horizon: Float[Array, ""]
     mesh: Mesh = eqx.field(static=True)
     planes: int = eqx.field(static=True)  # of a slab
@@ -160,7 +160,7 @@ class SlabForce(eqx.Module):
         Raises: ValueError for a wrong shape or NaN.
         """
         u = as_real(u)
-        wanted = (self.devices * self.planes * int(np.prod(self.walk.cells[1:])), self.walk.xi.shape[1])
+        wanted = (self.devices * self.planes * int(np.prod(self.traversal.cells[1:])), self.traversal.xi.shape[1])
         if u.shape != wanted:
             raise ValueError(f"u must have shape (points, dim) = {wanted}; got {u.shape}")
         u = jax.device_put(u, self.sharding)
@@ -188,14 +188,14 @@ class SlabForce(eqx.Module):
         plane = x.shape[0] // (self.planes + 2 * self.halo)
         return x[self.halo * plane : (self.halo + self.planes) * plane]
 
-    def masked(self) -> GridWalk:
-        """The walk of this device's slab: not filled beyond the ends of the body."""
+    def masked(self) -> LatticeTraversal:
+        """The traversal of this device's slab: not filled beyond the ends of the body."""
         if self.wraps:
-            return self.walk
+            return self.traversal
         plane = jnp.arange(-self.halo, self.planes + self.halo) + jax.lax.axis_index(self.name) * self.planes
         inside = (plane >= 0) & (plane < self.devices * self.planes)
-        inside = jnp.repeat(inside.astype(self.walk.filled.dtype), int(np.prod(self.walk.cells[1:])))
-        return eqx.tree_at(lambda w: w.filled, self.walk, self.walk.embed(inside[:, None])[0])
+        inside = jnp.repeat(inside.astype(self.traversal.filled.dtype), int(np.prod(self.traversal.cells[1:])))
+        return eqx.tree_at(lambda w: w.filled, self.traversal, self.traversal.embed(inside[:, None])[0])
 
 
 def _on_slabs(function: Callable, operator: SlabForce, data: tuple, specs: tuple, out_specs: Any) -> Any:
@@ -230,27 +230,27 @@ def _prepared(operator: SlabForce, varying: Any) -> SlabForce:
     """The operator with what does not depend on u: constants with their halos, sums of the reference configuration."""
 
     def one(o: SlabForce, varying: Any) -> tuple[Any, Array]:
-        varying, walk = jax.tree.map(o.with_halo, varying), o.masked()
-        sums = reference_sums((varying, o.shared), walk, walk.xi.shape[1], o.horizon)
+        varying, traversal = jax.tree.map(o.with_halo, varying), o.masked()
+        sums = reference_sums((varying, o.shared), traversal, traversal.xi.shape[1], o.horizon)
         if not sums.shape[0]:
             return varying, sums
         # right inside the slab, where all neighbours are seen; the halo hears it from those who own it
-        right = walk.embed(o.with_halo(o.inner(walk.collect(sums))))
-        return varying, jnp.where(walk.filled > 0, right, sums)
+        right = traversal.embed(o.with_halo(o.inner(traversal.collect(sums))))
+        return varying, jnp.where(traversal.filled > 0, right, sums)
 
     own = operator.sharding.spec
     made = _on_slabs(one, operator, (varying,), (own,), (own, PartitionSpec(None, *own)))
     return eqx.tree_at(lambda o: (o.varying, o.reference), operator, made, is_leaf=lambda x: x is None)
 
 
-def _refuse(model: AbstractModel, fams: Families) -> None:
+def _refuse(model: AbstractModel, families: Families) -> None:
     if not (isinstance(model, PointStateModel) and model.by_moments):
         raise ValueError(
             f"slabs need a model made of sums over single bonds (`moments`); {type(model).__name__} is none:"
             " evaluate it on one device, by pd.force_operator"
         )
-    if fams.grid is None or fams.grid.sites is not None:
-        what = "families of a cloud or with weights of their own" if fams.grid is None else "a masked lattice"
+    if families.grid is None or families.grid.sites is not None:
+        what = "families of a cloud or with weights of their own" if families.grid is None else "a masked lattice"
         raise ValueError(f"slabs are cut from a full lattice (pd.lattice without a mask); got {what}")
 
 
@@ -270,26 +270,26 @@ def _slab_planes(planes: int, halo: int, devices: int) -> int:
     return planes // devices
 
 
-@taught
-def slab_force(model: AbstractModel, fams: Families, mesh: Mesh) -> SlabForce:
+@public_function
+def slab_force(model: AbstractModel, families: Families, mesh: Mesh) -> SlabForce:
     """The force density of a lattice body cut in slabs along its first axis, over the first axis of a mesh.
 
     f_s = inner planes of f([H planes of u_{s−1} | u_s | H planes of u_{s+1}]),  H = rings · ⌊N⌋  (see the module).
 
-    Arguments: model made of moments; fams of a full `pd.lattice` (arrays=False is enough), its first axis the longest.
+    Arguments: model made of moments; families of a full `pd.lattice` (arrays=False is enough), its first axis the longest.
     Returns: `SlabForce`: a function of u (points, dim) [length] → f (points, dim) [force/length^dim], equal to
         `force_density` to rounding, under jit, grad, jvp, scan; `.sharding` says how its fields lie on the devices.
     Raises: ValueError for a model without moments, a body that is not a full lattice, a mesh that does not divide the
         first axis (with the numbers of devices that would) or makes slabs thinner than the halo.
     """
-    check_model(model, fams, Families)
-    _refuse(model, fams)
+    check_model(model, families, Families)
+    _refuse(model, families)
     mesh, _, devices = device_mesh(mesh)
-    grid: Any = fams.grid
-    reach = int(np.abs(np.array(grid.offsets).reshape(-1, fams.dim))[:, 0].max(initial=0))
+    grid: Any = families.grid
+    reach = int(np.abs(np.array(grid.offsets).reshape(-1, families.dim))[:, 0].max(initial=0))
     halo = model.rings * max(reach, 1)
     planes = _slab_planes(grid.cells[0], halo, devices)
-    walk = _slab(fams, (planes + 2 * halo, *grid.cells[1:]))
-    varying, shared = split_model(model, len(fams))
-    bare = SlabForce(None, shared, None, walk, fams.horizon, mesh, planes, halo, grid.periodic[0])
+    traversal = _slab(families, (planes + 2 * halo, *grid.cells[1:]))
+    varying, shared = split_model(model, len(families))
+    bare = SlabForce(None, shared, None, traversal, families.horizon, mesh, planes, halo, grid.periodic[0])
     return _prepared(bare, jax.device_put(varying, bare.sharding))

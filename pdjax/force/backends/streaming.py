@@ -1,5 +1,5 @@
 # mypy: disable-error-code="arg-type, union-attr"
-"""The force density of a model by moments, streamed over a walk: memory of a few numbers a point, never points × bonds.
+"""The force density of a model by moments, streamed over a traversal: memory of a few numbers a point, never points × bonds.
 
     first pass    Σ_b moments(bond b) → A            at every point
     second pass   f = Σ_b V_j [t(A_i, A_j, bond) − t(A_j, A_i, −bond)] = Σ_b V_j t(A_i + A_j, bond)
@@ -22,7 +22,7 @@ from ...geometry.bonds import Bonds
 from ...models.base import PointStateModel, Sums
 from ...models.pointwise import directions_of_rest, split_model
 from .components import by_components, join
-from .traversal import GridWalk, Slot, Walk
+from .traversal import LatticeTraversal, Slot, Traversal
 
 
 def _flat(x: Array) -> Array:
@@ -31,20 +31,24 @@ def _flat(x: Array) -> Array:
 
 
 class _Varying:
-    """The constants of a model that vary from point to point, laid out by a walk: `split` as by `split_model`."""
+    """The constants of a model that vary from point to point, laid out by a traversal: `split` as by `split_model`."""
 
-    def __init__(self, split: tuple[Any, Any], walk: Walk):
+    def __init__(self, split: tuple[Any, Any], traversal: Traversal):
         varying, self.shared = split
         leaves, self.structure = jax.tree.flatten(varying)
         self.shapes = [x.shape[1:] for x in leaves]
-        self.first = [x[0].astype(walk.volumes.dtype) for x in leaves]
-        self.rows = [_rows(walk, self._laid(walk, x)) for x in leaves]
+        self.first = [x[0].astype(traversal.volumes.dtype) for x in leaves]
+        self.rows = [_rows(traversal, self._laid(traversal, x)) for x in leaves]
 
     @staticmethod
-    def _laid(walk: Walk, x: Array) -> Array:
+    def _laid(traversal: Traversal, x: Array) -> Array:
         """(components, flat); where there is no point, the first point's: nothing is divided by 0."""
-        x = _flat(x.astype(walk.volumes.dtype))
-        return walk.embed(x) if walk.filled is None else jnp.where(walk.filled > 0, walk.embed(x), x[0][:, None])
+        x = _flat(x.astype(traversal.volumes.dtype))
+        return (
+            traversal.embed(x)
+            if traversal.filled is None
+            else jnp.where(traversal.filled > 0, traversal.embed(x), x[0][:, None])
+        )
 
     def __bool__(self) -> bool:
         return bool(self.rows)
@@ -61,13 +65,13 @@ class _Varying:
         return eqx.combine(jax.tree.unflatten(self.structure, leaves), self.shared)
 
 
-def _rows(walk: Walk, x: Array) -> list[Array]:
+def _rows(traversal: Traversal, x: Array) -> list[Array]:
     """(components, flat) → opened rows, taken apart once: a row cut out inside a loop is a copy at every step."""
-    return [walk.open(x[k]) for k in range(x.shape[0])]
+    return [traversal.open(x[k]) for k in range(x.shape[0])]
 
 
 def _bond(
-    walk: Walk,
+    traversal: Traversal,
     u: list[Array],
     here: list[Array],
     gradient: Array | None,
@@ -80,11 +84,11 @@ def _bond(
     xi, eta = np.empty(dim, dtype=object), np.empty(dim, dtype=object)
     for k in range(dim):
         xi[k] = slot.xi[k]
-    far = walk.far(volumes, slot)
+    far = traversal.far(volumes, slot)
     # where there is no point u is 0, and a bond to it may collapse: 0 · ∞ is no force
-    real = None if walk.filled is None else (far > 0) & (walk.filled > 0)
+    real = None if traversal.filled is None else (far > 0) & (traversal.filled > 0)
     for k in range(dim):
-        eta[k] = walk.far(u[k], slot) - here[k]
+        eta[k] = traversal.far(u[k], slot) - here[k]
         if real is not None:
             eta[k] = jnp.where(real, eta[k], 0.0)
         if gradient is not None:
@@ -98,7 +102,7 @@ def _one(x: Any) -> np.ndarray:
     return out
 
 
-def _over_slots(walk: Walk, body: Callable, start: list[Array], pairs: float) -> list[Array]:
+def _over_slots(traversal: Traversal, body: Callable, start: list[Array], pairs: float) -> list[Array]:
     """Σ over the slots of what `body(slot)` gives: lists of (flat,) arrays.
 
     `pairs` ±1: a bond gives its far end `pairs` times what it gives its near end, so one slot of each opposite two is
@@ -108,14 +112,14 @@ def _over_slots(walk: Walk, body: Callable, start: list[Array], pairs: float) ->
     @partial(jax.checkpoint, prevent_cse=False)
     def add(total, numbers):
         for number in numbers:
-            slot = walk.slot(number)
+            slot = traversal.slot(number)
             share = body(slot)
             total = [a + b for a, b in zip(total, share, strict=True)]
             if pairs:
-                total = [a + pairs * walk.returned(b, slot) for a, b in zip(total, share, strict=True)]
+                total = [a + pairs * traversal.returned(b, slot) for a, b in zip(total, share, strict=True)]
         return total
 
-    numbers = walk.numbers(bool(pairs))
+    numbers = traversal.numbers(bool(pairs))
     left = [n for n in numbers[-1] if n >= 0]
     whole = numbers[:-1] if len(left) < numbers.shape[1] else numbers
     total, _ = jax.lax.scan(lambda total, step: (add(total, list(step)), None), start, jnp.asarray(whole))
@@ -147,34 +151,38 @@ def _trees(structure: Any, shapes: list[tuple[int, ...]], rows: Any) -> Any:
     return jax.tree.unflatten(structure, leaves) if structure is not None else leaves[0]
 
 
-def _in_pairs(walk: Walk, varying: _Varying) -> bool:
+def _in_pairs(traversal: Traversal, varying: _Varying) -> bool:
     """Whether what a bond gives its two ends is the same but for the sign: on a lattice of one material."""
     model = varying.single()
-    return model.even and model.additive and not model.degree and isinstance(walk, GridWalk) and not varying
+    return (
+        model.even and model.additive and not model.degree and isinstance(traversal, LatticeTraversal) and not varying
+    )
 
 
-def _sum_moments(varying: _Varying, walk: Walk, which: int, u: Array, gradient, horizon) -> Array:
+def _sum_moments(varying: _Varying, traversal: Traversal, which: int, u: Array, gradient, horizon) -> Array:
     """One tree of moments summed over every family: (entries, flat)."""
     dim, dtype = u.shape[0], u.dtype
     _, shapes = _sizes(varying.single(), which, dim, dtype)
     count = sum(int(np.prod(s)) for s in shapes)
-    opened, volumes = _rows(walk, u), walk.open(walk.volumes)
-    pairs = 1.0 if _in_pairs(walk, varying) else 0.0
+    opened, volumes = _rows(traversal, u), traversal.open(traversal.volumes)
+    pairs = 1.0 if _in_pairs(traversal, varying) else 0.0
 
     def moments(leaves, bond):
         return varying.model(leaves).moments(bond)[which]
 
-    here = [walk.here(x) for x in opened]
-    own = varying.components(walk.here)
+    here = [traversal.here(x) for x in opened]
+    own = varying.components(traversal.here)
 
     def body(slot):
-        bond = _bond(walk, opened, here, gradient, slot, volumes, horizon)
+        bond = _bond(traversal, opened, here, gradient, slot, volumes, horizon)
         if pairs:  # also nothing from where there is no point
-            bond = bond._replace(volume=_one(bond.volume[()] * walk.filled))
-        return _entries(by_components(moments, dtype, walk.one, walk.dear(*bond.eta, bond.volume[()]))(own, bond))
+            bond = bond._replace(volume=_one(bond.volume[()] * traversal.filled))
+        return _entries(
+            by_components(moments, dtype, traversal.one, traversal.dear(*bond.eta, bond.volume[()]))(own, bond)
+        )
 
-    flat = walk.volumes.shape[0]
-    total = _over_slots(walk, body, [jnp.zeros(flat, dtype)] * count, pairs) if count else []
+    flat = traversal.volumes.shape[0]
+    total = _over_slots(traversal, body, [jnp.zeros(flat, dtype)] * count, pairs) if count else []
     return jnp.stack(total) if count else jnp.zeros((0, flat), dtype)
 
 
@@ -185,23 +193,31 @@ def reference_moments(model: PointStateModel, points: int, dim: int) -> Any:
     return first.moments(Bonds(jnp.ones(dim), jnp.zeros(dim), *map(jnp.ones, ((), (), ()))))[0]
 
 
-def reference_sums(split: tuple[Any, Any], walk: Walk, dim: int, horizon: Array) -> Float[Array, "entries flat"]:
+def reference_sums(
+    split: tuple[Any, Any], traversal: Traversal, dim: int, horizon: Array
+) -> Float[Array, "entries flat"]:
     """Σ of the first tree of `moments`; where there is no point, what a full family has, and for an empty family
     what bonds at rest have (`models.pointwise`): nothing is singular.
 
     `split`: (leaves of the model that vary from point to point, the rest), as by `split_model`.
     """
-    dtype = walk.volumes.dtype
-    u = jnp.zeros((dim, walk.volumes.shape[0]), dtype)
-    varying = _Varying(split, walk)
-    sums = _sum_moments(varying, walk, 0, u, None, horizon)
-    if walk.filled is None:
+    dtype = traversal.volumes.dtype
+    u = jnp.zeros((dim, traversal.volumes.shape[0]), dtype)
+    varying = _Varying(split, traversal)
+    sums = _sum_moments(varying, traversal, 0, u, None, horizon)
+    if traversal.filled is None:
         xi = horizon * directions_of_rest(dim, dim * (dim + 3) // 2).astype(dtype)
         empty, ones = jnp.all(sums == 0, axis=0), jnp.ones(len(xi), dtype)
         bonds = Bonds(xi, jnp.zeros_like(xi), ones, ones, horizon)
     else:
-        empty = walk.filled <= 0
-        bonds = Bonds(walk.xi, jnp.zeros_like(walk.xi), walk.omega, jnp.full(len(walk.xi), walk.cell), horizon)
+        empty = traversal.filled <= 0
+        bonds = Bonds(
+            traversal.xi,
+            jnp.zeros_like(traversal.xi),
+            traversal.omega,
+            jnp.full(len(traversal.xi), traversal.cell),
+            horizon,
+        )
     first = varying.single()
     full = jax.vmap(lambda x, e, w, v: first.moments(Bonds(x, e, w, v, horizon))[0])(*bonds[:4])
     rows = jnp.concatenate([jnp.zeros(0, dtype), *(x.sum(axis=0).reshape(-1) for x in jax.tree.leaves(full))])
@@ -231,45 +247,52 @@ def state_rows(model: PointStateModel, dim: int, dtype: Any, sums: tuple[Array, 
 
 
 def streamed_force(
-    split: tuple[Any, Any], walk: Walk, reference: Array, u: Float[Array, "points dim"], gradient: Any, horizon: Array
+    split: tuple[Any, Any],
+    traversal: Traversal,
+    reference: Array,
+    u: Float[Array, "points dim"],
+    gradient: Any,
+    horizon: Array,
 ) -> Float[Array, "points dim"]:
     """f of every point, in two passes; `split` as for `reference_sums`; `gradient` is F − I of a mean deformation, or
     None."""
-    dim, dtype = u.shape[1], walk.volumes.dtype
-    varying = _Varying(split, walk)
+    dim, dtype = u.shape[1], traversal.volumes.dtype
+    varying = _Varying(split, traversal)
     model = varying.single()
-    U = walk.embed(u.astype(dtype))
-    deformed = _sum_moments(varying, walk, 1, U, gradient, horizon)
-    mine = varying.components(walk.here)
+    U = traversal.embed(u.astype(dtype))
+    deformed = _sum_moments(varying, traversal, 1, U, gradient, horizon)
+    mine = varying.components(traversal.here)
     structure, shapes, rows = _states(model, varying.model, mine, dim, dtype, (reference, deformed), horizon)
-    states = _rows(walk, walk.renew(jnp.stack(rows))) if rows else []
-    opened, volumes = _rows(walk, U), walk.open(walk.volumes)
-    pairs = -1.0 if _in_pairs(walk, varying) else 0.0
-    alike = model.additive and walk.back is None and not varying
-    u_here, a_here = ([walk.here(x) for x in rows] for rows in (opened, states))
+    states = _rows(traversal, traversal.renew(jnp.stack(rows))) if rows else []
+    opened, volumes = _rows(traversal, U), traversal.open(traversal.volumes)
+    pairs = -1.0 if _in_pairs(traversal, varying) else 0.0
+    alike = model.additive and traversal.back is None and not varying
+    u_here, a_here = ([traversal.here(x) for x in rows] for rows in (opened, states))
     here = _trees(structure, shapes, a_here)
 
     def force(leaves, here, there, bond):
         return varying.model(leaves).bond_force(here, there, bond)
 
     def body(slot):
-        bond = _bond(walk, opened, u_here, gradient, slot, volumes, horizon)
-        a_far = [walk.far(x, slot) for x in states]
+        bond = _bond(traversal, opened, u_here, gradient, slot, volumes, horizon)
+        a_far = [traversal.far(x, slot) for x in states]
         if alike:
             summed = [a + b for a, b in zip(a_here, a_far, strict=True)]
             both = _trees(structure, shapes, summed)
-            total = by_components(force, dtype, walk.one, walk.dear(*bond.eta, *summed))(mine, both, both, bond)
+            total = by_components(force, dtype, traversal.one, traversal.dear(*bond.eta, *summed))(
+                mine, both, both, bond
+            )
             weight = bond.volume[()] * (1.0 if shapes else 2.0)
             if pairs:
-                weight = weight * walk.filled
+                weight = weight * traversal.filled
             return [weight * x for x in total]
         there = _trees(structure, shapes, a_far)
-        yours = varying.components(lambda x: walk.far(x, slot))
+        yours = varying.components(lambda x: traversal.far(x, slot))
         omega = slot.omega if slot.back is None else slot.back
-        reverse = Bonds(-bond.xi, -bond.eta, _one(omega), _one(walk.volumes), bond.horizon)
+        reverse = Bonds(-bond.xi, -bond.eta, _one(omega), _one(traversal.volumes), bond.horizon)
         out = by_components(force, dtype)(mine, here, there, bond)
         back = by_components(force, dtype)(yours, there, here, reverse)
         return [bond.volume[()] * (a - b) for a, b in zip(out, back, strict=True)]
 
-    zeros = [jnp.zeros_like(walk.volumes)] * dim
-    return walk.collect(jnp.stack(_over_slots(walk, body, zeros, pairs)))
+    zeros = [jnp.zeros_like(traversal.volumes)] * dim
+    return traversal.collect(jnp.stack(_over_slots(traversal, body, zeros, pairs)))

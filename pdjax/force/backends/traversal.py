@@ -1,11 +1,11 @@
-"""Two walks over the bonds of a body: point by point in flat arrays, slot by slot.
+"""Two traversals over the bonds of a body: point by point in flat arrays, slot by slot.
 
-A quantity of the points is an array (components, flat); a walk knows how to lay it out (`embed`), to read it at the
+A quantity of the points is an array (components, flat); a traversal knows how to lay it out (`embed`), to read it at the
 points (`here`) and at their neighbours of one slot (`far`), and to take it back (`collect`). A slot is one offset of a
-lattice (`GridWalk`) or one column of padded neighbour arrays (`SlotWalk`). (Blocks of points as long as the caches like
+lattice (`LatticeTraversal`) or one column of padded neighbour arrays (`SlotTraversal`). (Blocks of points as long as the caches like
 were tried: XLA made them four times slower than whole arrays, and they are not here.)
 
-**GridWalk**: cells in row-major order, with a gap of ⌊N⌋ empty cells at the end of every axis but the first, so that a
+**LatticeTraversal**: cells in row-major order, with a gap of ⌊N⌋ empty cells at the end of every axis but the first, so that a
 neighbour is always the same number of places ahead or behind, and never in the next row by mistake: no index arrays. A
 periodic axis has ⌊N⌋ cells of the other end on both sides instead. What is not a point has volume 0.
 """
@@ -57,7 +57,7 @@ def _steps(slots: int, unrolled: bool) -> np.ndarray:
     return np.append(np.arange(slots), np.full(-slots % group, -1)).reshape(-1, group).astype(np.int32)
 
 
-class SlotWalk(eqx.Module):
+class SlotTraversal(eqx.Module):
     """Any cloud, by its padded neighbour arrays, turned round to (slots, points)."""
 
     neighbours: Int[Array, "slots flat"]
@@ -68,15 +68,20 @@ class SlotWalk(eqx.Module):
     one: Float[Array, ""]  # 1, not known to the compiler
 
     @staticmethod
-    def of(fams: Families) -> "SlotWalk":
+    def of(families: Families) -> "SlotTraversal":
         """By NumPy where the families are known; `back` is None if it is known that ω_ij = ω_ji of every bond."""
-        xp, fams = namespace(fams), on_host(fams)
-        omega = fams.influence * fams.weight
-        back = omega[fams.neighbours, fams.reverse]
-        symmetric = bool((omega == back).all()) if xp is np else fams.grid is not None
-        turned = (fams.neighbours.T, xp.moveaxis(fams.xi, (2, 1), (0, 1)), omega.T, None if symmetric else back.T)
+        xp, families = namespace(families), on_host(families)
+        omega = families.influence * families.weight
+        back = omega[families.neighbours, families.reverse]
+        symmetric = bool((omega == back).all()) if xp is np else families.grid is not None
+        turned = (
+            families.neighbours.T,
+            xp.moveaxis(families.xi, (2, 1), (0, 1)),
+            omega.T,
+            None if symmetric else back.T,
+        )
         turned = jax.tree.map(np.ascontiguousarray, turned) if xp is np else turned
-        return SlotWalk(*on_device((*turned, fams.volumes, np.ones((), fams.dtype))))
+        return SlotTraversal(*on_device((*turned, families.volumes, np.ones((), families.dtype))))
 
     filled = None
     embed = staticmethod(lambda x: x.T)  # (points, components) → (components, flat)
@@ -100,12 +105,12 @@ class SlotWalk(eqx.Module):
         return _steps(self.omega.shape[0], False)
 
     def slot(self, number: Array) -> Slot:
-        """One slot of the walk."""
+        """One slot of the traversal."""
         back = None if self.back is None else self.back[number]
         return Slot(self.neighbours[number], [x[number] for x in self.xi], self.omega[number], back)
 
 
-class GridWalk(eqx.Module):
+class LatticeTraversal(eqx.Module):
     """A lattice by slices."""
 
     shifts: Int[Array, " slots"]
@@ -123,24 +128,24 @@ class GridWalk(eqx.Module):
     flat: int = eqx.field(static=True)
 
     @staticmethod
-    def of(fams: Families) -> "GridWalk":
-        grid: Any = fams.grid
+    def of(families: Families) -> "LatticeTraversal":
+        grid: Any = families.grid
         assert isinstance(grid, Grid)
-        offsets = np.array(grid.offsets).reshape(-1, fams.dim)
+        offsets = np.array(grid.offsets).reshape(-1, families.dim)
         reach = np.abs(offsets).max(axis=0, initial=0)
         before = tuple(int(r) if p else 0 for r, p in zip(reach, grid.periodic, strict=True))
         behind = tuple(int(r) if p or axis else 0 for axis, (r, p) in enumerate(zip(reach, grid.periodic, strict=True)))
         padded = [n + b + e for n, b, e in zip(grid.cells, before, behind, strict=True)]
         stride = np.append(np.cumprod(padded[:0:-1])[::-1], 1)
-        real = fams.dtype
-        spacing = np.asarray(fams.spacing, real)
-        walk = GridWalk(
+        real = families.dtype
+        spacing = np.asarray(families.spacing, real)
+        traversal = LatticeTraversal(
             on_device((offsets @ stride).astype(np.int32)),
             on_device(offsets.astype(real) * spacing),
             on_device(grid.influence),
             on_device(np.zeros(0, real)),
             grid.sites,
-            on_device(spacing**fams.dim),
+            on_device(spacing**families.dim),
             on_device(np.ones((), real)),
             grid.cells,
             before,
@@ -149,8 +154,8 @@ class GridWalk(eqx.Module):
             int(np.abs(offsets @ stride).max(initial=0)),
             math.prod(padded),
         )
-        points = namespace(grid.sites).ones((len(fams), 1), real)
-        return eqx.tree_at(lambda w: w.filled, walk, on_device(walk.embed(points)[0]))
+        points = namespace(grid.sites).ones((len(families), 1), real)
+        return eqx.tree_at(lambda w: w.filled, traversal, on_device(traversal.embed(points)[0]))
 
     back = None
 
@@ -199,11 +204,11 @@ class GridWalk(eqx.Module):
         return jax.lax.dynamic_slice_in_dim(x, self.margin + slot.at, self.flat)
 
     def numbers(self, pairs: bool) -> np.ndarray:
-        """Of every offset, or of one of each pair of opposite ones; as for `SlotWalk`."""
+        """Of every offset, or of one of each pair of opposite ones; as for `SlotTraversal`."""
         return _steps(len(self.shifts) // 2, False) if pairs else _steps(len(self.shifts), self.flat > 4096)
 
     def slot(self, number: Array) -> Slot:
-        """One slot of the walk."""
+        """One slot of the traversal."""
         xi = [self.xi[number, k] for k in range(self.xi.shape[1])]
         return Slot(self.shifts[number], xi, self.omega[number], None)
 
@@ -212,4 +217,4 @@ class GridWalk(eqx.Module):
         return jax.lax.dynamic_slice_in_dim(self.open(x), self.margin - slot.at, self.flat)
 
 
-Walk = SlotWalk | GridWalk
+Traversal = SlotTraversal | LatticeTraversal

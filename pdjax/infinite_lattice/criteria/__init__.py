@@ -12,10 +12,10 @@ import jax
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..._internal.checks import choice, deformation_gradient, is_concrete, on_device, still
-from ..._internal.doors import taught
+from ..._internal.checks import choice, deformation_gradient, frozen, is_concrete, on_device
+from ..._internal.public import public_function
 from ...force.fields import check_model
-from ...geometry.bonds import Family
+from ...geometry.bonds import LatticeFamily
 from ...models.base import AbstractModel
 from ..brillouin import Zone, brillouin_zone, default_intervals
 from ..lattice_states import check_at_rest
@@ -39,27 +39,33 @@ CRITERIA = {
 
 
 def evaluate(
-    criterion: str, model: AbstractModel, fam: Family, F: Float[Array, "dim dim"], zone: Zone, at=None, fastest=False
+    criterion: str,
+    model: AbstractModel,
+    family: LatticeFamily,
+    F: Float[Array, "dim dim"],
+    zone: Zone,
+    at=None,
+    fastest=False,
 ) -> Outcome:
     """The named criterion, unjitted and unchecked: what drivers trace. `at`: an earlier `Outcome.at`, to skip the
     search; `fastest`: "symbol" also looks for the largest eigenvalue itself."""
     if criterion == "symbol":
-        return symbol(model, fam, F, zone, at, fastest)
-    return CRITERIA[criterion](model, fam, F, at)  # type: ignore[operator]
+        return symbol(model, family, F, zone, at, fastest)
+    return CRITERIA[criterion](model, family, F, at)  # type: ignore[operator]
 
 
-def family_zone(fam: Family, symmetry: str, resolution: int | None) -> Zone:
+def family_zone(family: LatticeFamily, symmetry: str, resolution: int | None) -> Zone:
     """The Brillouin zone of a family; `resolution` None: the default for its reach."""
     if resolution is None:
-        resolution = default_intervals(fam.reach)
+        resolution = default_intervals(family.reach)
     if not (isinstance(resolution, int) and resolution >= 2):
         raise ValueError(f"resolution must be an integer >= 2 (grid intervals from 0 to π/h); got {resolution!r}")
-    return brillouin_zone(fam.dim, resolution, symmetry)
+    return brillouin_zone(family.dim, resolution, symmetry)
 
 
-def kept_symmetry(F, fam: Family, isotropic: bool) -> str:
+def kept_symmetry(F, family: LatticeFamily, isotropic: bool) -> str:
     """The symmetry of the deformed lattice, as far as a concrete F shows it."""
-    if not (fam.cubic and isotropic and is_concrete(F)):
+    if not (family.cubic and isotropic and is_concrete(F)):
         return "inversion"
     F = np.asarray(F)
     stretch = np.diag(F)
@@ -71,21 +77,21 @@ def kept_symmetry(F, fam: Family, isotropic: bool) -> str:
 
 
 @eqx.filter_jit
-def _stability(model, fam, F, criterion: str, intervals: int, symmetry: str) -> Outcome:
-    zone = brillouin_zone(fam.dim, intervals, symmetry)
-    return evaluate(criterion, model, fam, F, zone, fastest=True)
+def _stability(model, family, F, criterion: str, intervals: int, symmetry: str) -> Outcome:
+    zone = brillouin_zone(family.dim, intervals, symmetry)
+    return evaluate(criterion, model, family, F, zone, fastest=True)
 
 
 @eqx.filter_jit
-def _with_derivative(model, fam, F, criterion: str, intervals: int, symmetry: str, found: Outcome) -> Outcome:
+def _with_derivative(model, family, F, criterion: str, intervals: int, symmetry: str, found: Outcome) -> Outcome:
     """What was `found`, with the derivatives that it has where the search ended."""
-    zone = brillouin_zone(fam.dim, intervals, symmetry)
-    return evaluate(criterion, model, fam, F, zone, found.at, fastest=True)
+    zone = brillouin_zone(family.dim, intervals, symmetry)
+    return evaluate(criterion, model, family, F, zone, found.at, fastest=True)
 
 
-@taught
+@public_function
 def stability(
-    model: AbstractModel, fam: Family, F, criterion: str = "symbol", resolution: int | None = None
+    model: AbstractModel, family: LatticeFamily, F, criterion: str = "symbol", resolution: int | None = None
 ) -> Stability:
     """Is the infinite lattice stable under the homogeneous deformation x = F X?
 
@@ -96,19 +102,19 @@ def stability(
         without a local form. Derivatives of the margin are exact to first order, no further.
     """
     choice("criterion", criterion, list(CRITERIA))
-    check_model(model, fam, Family)
-    F = deformation_gradient(F, fam.dim)
-    zone = family_zone(fam, kept_symmetry(F, fam, model.isotropic), resolution)
-    quiet = quiet_model, quiet_fam, quiet_F = still((model, fam, F))
+    check_model(model, family, LatticeFamily)
+    F = deformation_gradient(F, family.dim)
+    zone = family_zone(family, kept_symmetry(F, family, model.isotropic), resolution)
+    quiet = quiet_model, quiet_family, quiet_F = frozen((model, family, F))
     if is_concrete(quiet):
-        out = outcomes(criterion, quiet_model, quiet_fam, np.asarray(quiet_F)[None], zone)
+        out = outcomes(criterion, quiet_model, quiet_family, np.asarray(quiet_F)[None], zone)
         out = jax.tree.map(lambda x: x[0], out)
-        if not is_concrete(model, fam, F):  # a derivative flows through: the quotient where the search has ended
-            out = _with_derivative(model, fam, F, criterion, zone.intervals, zone.symmetry, out)
+        if not is_concrete(model, family, F):  # a derivative flows through: the quotient where the search has ended
+            out = _with_derivative(model, family, F, criterion, zone.intervals, zone.symmetry, out)
     else:
-        check_at_rest(model, fam)
-        out = _stability(model, fam, F, criterion, zone.intervals, zone.symmetry)
-    tolerance = margin_tolerance(fam.xi.dtype, out.scale)
+        check_at_rest(model, family)
+        out = _stability(model, family, F, criterion, zone.intervals, zone.symmetry)
+    tolerance = margin_tolerance(family.xi.dtype, out.scale)
     numbers: Any = on_device((out.margin, out.eigenvalue, out.mode, out.wave_vector, out.direction, tolerance))
     margin, eigenvalue, mode, wave_vector, direction, tolerance = numbers
     resolution = zone.intervals if criterion == "symbol" else None

@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ...geometry.bonds import Bonds, Family
+from ...geometry.bonds import Bonds, LatticeFamily
 from ...models.base import AbstractModel, PointStateModel
 from ...tangent.linearise import linearise_states
 from ..bloch import modulus_at_rest
@@ -35,20 +35,22 @@ def sphere_rule(dim: int) -> tuple[np.ndarray, np.ndarray]:
     return points.reshape(-1, 3), np.repeat(wz / 2 / 64, 64)
 
 
-def continuum(model: AbstractModel, fam: Family, F: Float[Array, "dim dim"], at=None) -> Outcome:
-    """λ_max(−2 Σ_n weight · B(n)) / M with unit bonds; the discretisation of `fam` plays no part but through M."""
+def continuum(model: AbstractModel, family: LatticeFamily, F: Float[Array, "dim dim"], at=None) -> Outcome:
+    """λ_max(−2 Σ_n weight · B(n)) / M with unit bonds; the discretisation of `family` plays no part but through M."""
     if not isinstance(model, PointStateModel) or getattr(getattr(model, "base", model), "control", None) is not None:
         raise ValueError(
             "criterion 'continuum' takes B(ξ) of one bond for all lengths: it needs a model with a point state and no"
             f" control of zero-energy modes; got {type(model).__name__}"
         )
-    points, weights = sphere_rule(fam.dim)
-    xi = jnp.asarray(points, dtype=fam.xi.dtype)
-    omega: Array = jnp.asarray(weights, dtype=fam.xi.dtype)
-    bonds = Bonds(xi, xi @ (F - jnp.eye(fam.dim, dtype=F.dtype)).T, omega, jnp.ones_like(omega), jnp.ones((), xi.dtype))
+    points, weights = sphere_rule(family.dim)
+    xi = jnp.asarray(points, dtype=family.xi.dtype)
+    omega: Array = jnp.asarray(weights, dtype=family.xi.dtype)
+    bonds = Bonds(
+        xi, xi @ (F - jnp.eye(family.dim, dtype=F.dtype)).T, omega, jnp.ones_like(omega), jnp.ones((), xi.dtype)
+    )
     value, mode = decide(-2 * jnp.sum(linearise_states(model, bonds).B, axis=0), at)
-    unit = modulus_at_rest(model, fam)
-    still, held, fixed = jax.lax.stop_gradient((model, bonds, unit))
-    tension = jnp.linalg.norm(still.force_state(held), axis=1) / jnp.linalg.norm(held.xi + held.eta, axis=1)
+    unit = modulus_at_rest(model, family)
+    frozen, held, fixed = jax.lax.stop_gradient((model, bonds, unit))
+    tension = jnp.linalg.norm(frozen.force_state(held), axis=1) / jnp.linalg.norm(held.xi + held.eta, axis=1)
     scale = 2 * jnp.sum(tension) / fixed  # of the terms that cancel where Γ(m) = 0
     return Outcome(value / unit, value, mode, scale=scale, at=mode)

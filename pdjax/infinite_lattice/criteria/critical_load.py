@@ -20,10 +20,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..._internal.checks import as_array, choice, computed_in_double, is_concrete, still
-from ..._internal.doors import taught
+from ..._internal.checks import as_array, choice, computed_in_double, frozen, is_concrete
+from ..._internal.public import public_function
 from ...force.fields import check_model
-from ...geometry.bonds import Family
+from ...geometry.bonds import LatticeFamily
 from ...models.base import AbstractModel
 from ...models.laws import Law
 from ...models.seth_hill import SethHill
@@ -51,16 +51,16 @@ def _samples(limit: float) -> np.ndarray:
     return np.concatenate([np.concatenate([[0.0], sizes[:-1, -1]])[:, None], sizes], axis=1)
 
 
-def _traced_edge(model, fam, path: Path, criterion: str, sign: Array, samples: Array, zone: Zone) -> tuple:
+def _traced_edge(model, family, path: Path, criterion: str, sign: Array, samples: Array, zone: Zone) -> tuple:
     """(edge found, width of its bracket, where the criterion's search ended, state of the side) inside a program.
 
     One loop, one trace of the criterion: batches of loads, first the samples until one is unstable, then the bracket
     around its edge split into BATCH parts, `SPLITS` times.
     """
-    real = fam.xi.dtype
+    real = family.xi.dtype
 
     def look(size):
-        out = evaluate(criterion, model, fam, path(sign * size, model, fam), zone)
+        out = evaluate(criterion, model, family, path(sign * size, model, family), zone)
         return out.margin > margin_tolerance(real, out.scale), out.at  # NaN (no state there) is not unstable
 
     def batch(state):
@@ -88,15 +88,15 @@ def _traced_edge(model, fam, path: Path, criterion: str, sign: Array, samples: A
     return low, high, splits > 0, at
 
 
-def _polished(model, fam, path: Path, criterion: str, sign, zone: Zone, found: tuple) -> Array:
+def _polished(model, family, path: Path, criterion: str, sign, zone: Zone, found: tuple) -> Array:
     """One Newton step from the unstable end of the bracket, written so that its derivative in everything else is the
     implicit function theorem; 0 and ±inf where the side has no edge between."""
     low, high, exists, at = found
-    real = fam.xi.dtype
+    real = family.xi.dtype
     root = sign * high
 
     def margin(a):
-        return evaluate(criterion, model, fam, path(a, model, fam), zone, at).margin
+        return evaluate(criterion, model, family, path(a, model, family), zone, at).margin
 
     value, slope = jax.jvp(margin, (root,), (jnp.ones_like(root),))
     step = value / jax.lax.stop_gradient(slope)
@@ -125,27 +125,27 @@ def _one_by_one(function: Any) -> Any:
 
 
 @eqx.filter_jit
-def _traced(model, fam, path, criterion: str, sign: Any, samples: Any, intervals: int, symmetry: str) -> Array:
-    zone = brillouin_zone(fam.dim, intervals, symmetry)
-    arrays, rest = eqx.partition((model, fam, path, sign, samples), eqx.is_array)
+def _traced(model, family, path, criterion: str, sign: Any, samples: Any, intervals: int, symmetry: str) -> Array:
+    zone = brillouin_zone(family.dim, intervals, symmetry)
+    arrays, rest = eqx.partition((model, family, path, sign, samples), eqx.is_array)
 
     def edge(arrays):
-        model, fam, path, sign, samples = eqx.combine(arrays, rest)
-        return _traced_edge(model, fam, path, criterion, sign, samples, zone)
+        model, family, path, sign, samples = eqx.combine(arrays, rest)
+        return _traced_edge(model, family, path, criterion, sign, samples, zone)
 
     found = _one_by_one(edge)(jax.lax.stop_gradient(arrays))
-    return _polished(model, fam, path, criterion, sign, zone, found)
+    return _polished(model, family, path, criterion, sign, zone, found)
 
 
 @eqx.filter_jit
-def _with_derivative(model, fam, path, criterion: str, sign, intervals: int, symmetry: str, found: tuple) -> Array:
-    return _polished(model, fam, path, criterion, sign, brillouin_zone(fam.dim, intervals, symmetry), found)
+def _with_derivative(model, family, path, criterion: str, sign, intervals: int, symmetry: str, found: tuple) -> Array:
+    return _polished(model, family, path, criterion, sign, brillouin_zone(family.dim, intervals, symmetry), found)
 
 
 @eqx.filter_jit
-def deformations(path: Path, a: Float[Array, " loads"], model, fam) -> Float[Array, "loads dim dim"]:
+def deformations(path: Path, a: Float[Array, " loads"], model, family) -> Float[Array, "loads dim dim"]:
     """F along a path."""
-    return jax.vmap(lambda x: path(x, model, fam))(a)
+    return jax.vmap(lambda x: path(x, model, family))(a)
 
 
 def _split(low: float, high: float, f_low: float, f_high: float) -> np.ndarray:
@@ -163,13 +163,13 @@ def _split(low: float, high: float, f_low: float, f_high: float) -> np.ndarray:
 def _host_edge(setting: tuple, criterion: str, sign: float, samples: np.ndarray, zone: Zone) -> tuple:
     """`_traced_edge` on concrete values (`setting`: model, family, path), and the loads and margins of every state that
     was looked at."""
-    model, fam, path = setting
-    real, samples = np.dtype(fam.xi.dtype), np.asarray(samples, float)
+    model, family, path = setting
+    real, samples = np.dtype(family.xi.dtype), np.asarray(samples, float)
     seen: list[np.ndarray] = []
 
     def look(sizes):
-        F = computed_in_double(deformations, path, sign * sizes, model, fam)
-        out = outcomes(criterion, model, fam, F, zone)
+        F = computed_in_double(deformations, path, sign * sizes, model, family)
+        out = outcomes(criterion, model, family, F, zone)
         seen.append(np.stack([sizes, out.margin]))
         return out.margin, np.asarray(out.margin > margin_tolerance(real, out.scale)), out.at
 
@@ -206,10 +206,10 @@ def _secant(low: float, high: float, seen: list[np.ndarray], real: Any) -> float
     return 0.0 if high <= SMALLEST or abs(edge) <= min(blur, 1e-3) else float(edge)
 
 
-@taught
+@public_function
 def critical_load(
     model: AbstractModel,
-    fam: Family,
+    family: LatticeFamily,
     path: Path | Any = hydrostatic,
     criterion: str = "symbol",
     side: str = "negative",
@@ -218,9 +218,9 @@ def critical_load(
 ) -> Float[Array, ""]:
     """Where the lattice first becomes unstable along a load path, starting from rest.
 
-    Arguments: path (a, model, fam) → F; criterion one of `CRITERIA`; side of a; limit: how far |a| is followed
+    Arguments: path (a, model, family) → F; criterion one of `CRITERIA`; side of a; limit: how far |a| is followed
         [-] (default 0.9 negative, 1.0 positive); resolution as in `stability`.
-    Returns: a_cr [-], with exact first derivatives in model and fam. 0 where the side is unstable at |a| = 1e-6 already
+    Returns: a_cr [-], with exact first derivatives in model and family. 0 where the side is unstable at |a| = 1e-6 already
         (or nearer to 0 than its tolerance can tell), ±inf where it is not within the limit. Unstable windows
         narrower than limit/48, the sampling step, can be missed. A marginal state is not an unstable one: `stability`
         and `zero_energy_waves` tell of waves that cost nothing.
@@ -231,49 +231,51 @@ def critical_load(
         raise ValueError(f"side is the sign of a: 'negative' under compression, 'positive' under tension; got {side!r}")
     choice("side", side, SIDES)
     if not callable(path):
-        raise ValueError(f"path must be a function (a, model, fam) -> F, such as pd.hydrostatic; got {path!r}")
+        raise ValueError(f"path must be a function (a, model, family) -> F, such as pd.hydrostatic; got {path!r}")
     limit = LIMITS[side] if limit is None else limit
     if not (2 * SMALLEST < limit < (1.0 if side == "negative" else np.inf)):
         raise ValueError(f"limit must lie between 2e-6 and 1 (negative side) or be finite (positive); got {limit}")
-    check_model(model, fam, Family)
-    real = np.dtype(fam.xi.dtype)
+    check_model(model, family, LatticeFamily)
+    real = np.dtype(family.xi.dtype)
     sign, samples = np.asarray(-1.0 if side == "negative" else 1.0, real), _samples(float(limit)).astype(real)
-    zone = family_zone(fam, path_symmetry(path, fam, model.isotropic), resolution)
-    quiet = still((model, fam, path))
+    zone = family_zone(family, path_symmetry(path, family, model.isotropic), resolution)
+    quiet = frozen((model, family, path))
     if not is_concrete(quiet):
-        check_at_rest(model, fam)
-        return _traced(model, fam, path, criterion, sign, samples, zone.intervals, zone.symmetry)
+        check_at_rest(model, family)
+        return _traced(model, family, path, criterion, sign, samples, zone.intervals, zone.symmetry)
     (low, high, exists, at), seen = _host_edge(quiet, criterion, float(sign), samples, zone)
-    if is_concrete(model, fam, path):
+    if is_concrete(model, family, path):
         return as_array(sign * (_secant(low, high, seen, real) if exists else np.inf), real)
     bracket = np.asarray(low, real), np.asarray(high, real), np.asarray(exists), at
-    return _with_derivative(model, fam, path, criterion, sign, zone.intervals, zone.symmetry, bracket)
+    return _with_derivative(model, family, path, criterion, sign, zone.intervals, zone.symmetry, bracket)
 
 
-@taught
-def load_slope(model: AbstractModel, fam: Family, path: Path = hydrostatic, side: str = "positive") -> Float[Array, ""]:
+@public_function
+def load_slope(
+    model: AbstractModel, family: LatticeFamily, path: Path = hydrostatic, side: str = "positive"
+) -> Float[Array, ""]:
     """How fast a load destabilises the half-reciprocal waves that cost nothing at rest.
 
     Returns: max over those points of dλ_max/d|a| at a = 0, over M κ² [-]; positive: the side is unstable at once;
         −inf if no such wave is free of energy at rest.
     """
     choice("side", side, SIDES)
-    check_model(model, fam, Family)
+    check_model(model, family, LatticeFamily)
     sign = -1.0 if side == "negative" else 1.0
-    M = modulus_at_rest(model, fam)
-    k = jnp.asarray(half_reciprocal_points(fam.dim), dtype=fam.xi.dtype) / fam.spacing
-    phases = wave_phases(fam, k)
+    M = modulus_at_rest(model, family)
+    k = jnp.asarray(half_reciprocal_points(family.dim), dtype=family.xi.dtype) / family.spacing
+    phases = wave_phases(family, k)
 
     def blocks(size):
-        J = homogeneous_tangent(model, fam, path(sign * size, model, fam))(phases)
+        J = homogeneous_tangent(model, family, path(sign * size, model, family))(phases)
         return (J + J.mT) / 2 / (M * phases.kappa2)[:, None, None]
 
-    rest, rate = jax.jvp(blocks, (jnp.zeros((), fam.xi.dtype),), (jnp.ones((), fam.xi.dtype),))
+    rest, rate = jax.jvp(blocks, (jnp.zeros((), family.xi.dtype),), (jnp.ones((), family.xi.dtype),))
     values, vectors = jnp.linalg.eigh(jax.lax.stop_gradient(rest))
     free = jnp.abs(values) < margin_tolerance(rest.dtype)
     inner = vectors.mT @ rate @ vectors
     inner = jnp.where(free[:, :, None] & free[:, None, :], inner, 0.0)
-    inner = inner - 1e9 * jnp.eye(fam.dim) * jnp.where(free, 0.0, 1.0)[:, :, None]
+    inner = inner - 1e9 * jnp.eye(family.dim) * jnp.where(free, 0.0, 1.0)[:, :, None]
     value, mode = jnp.linalg.eigh(jax.lax.stop_gradient(inner))
     worst = jnp.argmax(value[:, -1])
     v = mode[worst, :, -1]
@@ -281,13 +283,13 @@ def load_slope(model: AbstractModel, fam: Family, path: Path = hydrostatic, side
 
 
 @eqx.filter_jit
-def _slopes(orders, fam, law, path, side: str) -> Array:
-    return jax.lax.map(lambda m: load_slope(SethHill(m, law), fam, path, side), orders)
+def _slopes(orders, family, law, path, side: str) -> Array:
+    return jax.lax.map(lambda m: load_slope(SethHill(m, law), family, path, side), orders)
 
 
-@taught
+@public_function
 def stable_orders(
-    fam: Family,
+    family: LatticeFamily,
     law: Law,
     path: Path = hydrostatic,
     side: str = "positive",
@@ -306,7 +308,7 @@ def stable_orders(
     batch = 33
 
     def slopes(orders):
-        return np.asarray(_slopes(jnp.asarray(orders, dtype=fam.xi.dtype), fam, law, path, side))
+        return np.asarray(_slopes(jnp.asarray(orders, dtype=family.xi.dtype), family, law, path, side))
 
     def edge(low, high):
         """The zero between orders of opposite slope, by splitting the bracket down to rounding."""
@@ -317,7 +319,7 @@ def stable_orders(
             if not orders[i] < orders[i + 1] or (orders[i], orders[i + 1]) == (low, high):
                 return float((low + high) / 2)
             low, high = orders[i], orders[i + 1]
-            if high - low <= 4 * np.finfo(np.dtype(fam.xi.dtype)).eps * max(1.0, abs(low)):
+            if high - low <= 4 * np.finfo(np.dtype(family.xi.dtype)).eps * max(1.0, abs(low)):
                 return float((low + high) / 2)
 
     orders = np.linspace(-bound, bound, batch)

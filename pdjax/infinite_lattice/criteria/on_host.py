@@ -18,7 +18,7 @@ import jax
 import numpy as np
 
 from ..._internal.checks import computed_in_double
-from ...geometry.bonds import Family
+from ...geometry.bonds import LatticeFamily
 from ...models.base import AbstractModel
 from ..brillouin import Zone, brillouin_zone
 from ..cosine_series import packed, reached
@@ -36,15 +36,15 @@ def _search(dim: int, bonds: int, rings: int, intervals: int, symmetry: str) -> 
     return jax.jit(partial(search, offsets=offsets, zone=zone, group=MANY[dim]))
 
 
-def searched(states: States, model: AbstractModel, fam: Family, zone: Zone) -> Found:
+def searched(states: States, model: AbstractModel, family: LatticeFamily, zone: Zone) -> Found:
     """Where the searches of all states ended, in NumPy."""
     scaled = packed(states.scaled)
     if len(scaled) <= STATES:
         return search_few(scaled, states.offsets, zone)
-    count, many = len(scaled), MANY[fam.dim]
+    count, many = len(scaled), MANY[family.dim]
     padded = np.zeros((-(-count // many) * many, *scaled.shape[1:]), scaled.dtype)
     padded[:count] = scaled
-    program = _search(fam.dim, len(fam.influence), rings(model), zone.intervals, zone.symmetry)
+    program = _search(family.dim, len(family.influence), rings(model), zone.intervals, zone.symmetry)
     return Found(*(x[:count] for x in computed_in_double(program, padded, np.asarray(count))))
 
 
@@ -56,21 +56,23 @@ def _work(blocks: np.ndarray, offsets: np.ndarray, x: Any, is_long: Any, v: Any)
     return -np.einsum("so,si,soij,sj->s", c, v, blocks, v), kappa2
 
 
-def from_states(criterion: str, model: AbstractModel, fam: Family, states: States, zone: Zone) -> Outcome | None:
+def from_states(
+    criterion: str, model: AbstractModel, family: LatticeFamily, states: States, zone: Zone
+) -> Outcome | None:
     """The named criterion of linearised states, in NumPy; None if it needs more than their series."""
     if criterion not in FROM_STATES or not has_series(model) or (criterion == "symbol" and not model.hyperelastic):
         return None
-    return FROM_STATES[criterion](model, fam, states, zone)
+    return FROM_STATES[criterion](model, family, states, zone)
 
 
-def _symbol(model: AbstractModel, fam: Family, states: States, zone: Zone) -> Outcome:
-    found = searched(states, model, fam, zone)
+def _symbol(model: AbstractModel, family: LatticeFamily, states: States, zone: Zone) -> Outcome:
+    found = searched(states, model, family, zone)
     M, h = states.modulus, states.spacing
     work, kappa2 = _work(states.blocks, states.offsets, found.x, found.is_long, found.mode)
     margin = work * h**2 / (M * kappa2)
     never = np.zeros(len(work), bool)
     growth, _ = _work(states.blocks, states.offsets, found.fast_x, never, found.fast_mode)
-    unstable = margin > margin_tolerance(fam.xi.dtype, found.scale)
+    unstable = margin > margin_tolerance(family.xi.dtype, found.scale)
     eigenvalue = np.where(unstable, growth, np.where(found.is_long, 0.0, work))
     x, mode = (np.where(unstable[:, None], a, b) for a, b in ((found.fast_x, found.x), (found.fast_mode, found.mode)))
     k = np.where((found.is_long & ~unstable)[:, None], 0.0, x)
@@ -79,19 +81,19 @@ def _symbol(model: AbstractModel, fam: Family, states: States, zone: Zone) -> Ou
     return Outcome(margin, eigenvalue, mode, k / h, direction, found.scale, tuple(found))
 
 
-def _of_blocks(model: AbstractModel, fam: Family, states: States, zone: Zone, whole: bool) -> Outcome:
+def _of_blocks(model: AbstractModel, family: LatticeFamily, states: States, zone: Zone, whole: bool) -> Outcome:
     D = -2 * states.blocks.sum(axis=1)
     if whole:
         symmetric = np.where(np.isfinite(D), (D + D.transpose(0, 2, 1)) / 2, 0.0)
         mode = np.linalg.eigh(symmetric)[1][..., -1]
     else:
-        mode = np.eye(fam.dim)[np.argmax(np.einsum("sii->si", D), axis=1)]
+        mode = np.eye(family.dim)[np.argmax(np.einsum("sii->si", D), axis=1)]
     value = np.einsum("si,sij,sj->s", mode, D, mode)
-    margin = value / (np.asarray(states.modulus) * 2 * fam.dim / states.spacing**2)
+    margin = value / (np.asarray(states.modulus) * 2 * family.dim / states.spacing**2)
     return Outcome(margin, value, mode, scale=np.ones(len(D)), at=mode)
 
 
-FROM_STATES: dict[str, Callable[[AbstractModel, Family, States, Zone], Outcome]] = {
+FROM_STATES: dict[str, Callable[[AbstractModel, LatticeFamily, States, Zone], Outcome]] = {
     "symbol": _symbol,
     "diagonal": partial(_of_blocks, whole=False),
     "block": partial(_of_blocks, whole=True),
@@ -99,22 +101,22 @@ FROM_STATES: dict[str, Callable[[AbstractModel, Family, States, Zone], Outcome]]
 
 
 @eqx.filter_jit
-def _traced(criterion: str, model: AbstractModel, fam: Family, F, intervals: int, symmetry: str) -> Outcome:
+def _traced(criterion: str, model: AbstractModel, family: LatticeFamily, F, intervals: int, symmetry: str) -> Outcome:
     from . import evaluate
 
-    zone = brillouin_zone(fam.dim, intervals, symmetry)
-    return jax.vmap(lambda F: evaluate(criterion, model, fam, F, zone, fastest=True))(F)
+    zone = brillouin_zone(family.dim, intervals, symmetry)
+    return jax.vmap(lambda F: evaluate(criterion, model, family, F, zone, fastest=True))(F)
 
 
-def outcomes(criterion: str, model: AbstractModel, fam: Family, F: np.ndarray, zone: Zone) -> Outcome:
+def outcomes(criterion: str, model: AbstractModel, family: LatticeFamily, F: np.ndarray, zone: Zone) -> Outcome:
     """The named criterion at the deformations F (states, dim, dim), at most STATES: an `Outcome` of NumPy arrays with
     a leading axis. Checks the family and the resting state first."""
     if criterion in FROM_STATES and has_series(model):
-        out = from_states(criterion, model, fam, checked_states(model, fam, F), zone)
+        out = from_states(criterion, model, family, checked_states(model, family, F), zone)
         if out is not None:
             return out
-    check_at_rest(model, fam)
-    padded = np.broadcast_to(np.eye(fam.dim), (STATES, fam.dim, fam.dim)).copy()
+    check_at_rest(model, family)
+    padded = np.broadcast_to(np.eye(family.dim), (STATES, family.dim, family.dim)).copy()
     padded[: len(F)] = F
-    out = computed_in_double(_traced, criterion, model, fam, padded, zone.intervals, zone.symmetry)
+    out = computed_in_double(_traced, criterion, model, family, padded, zone.intervals, zone.symmetry)
     return jax.tree.map(lambda x: np.broadcast_to(x, (STATES,))[: len(F)] if np.ndim(x) == 0 else x[: len(F)], out)

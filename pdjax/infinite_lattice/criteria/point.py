@@ -16,7 +16,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ...geometry.bonds import Bonds, Family
+from ...geometry.bonds import Bonds, LatticeFamily
 from ...models.base import AbstractModel
 from ...models.kinematics import shape_tensor_K
 from ...tangent.linearise import family_tangent
@@ -24,42 +24,42 @@ from ..bloch import block_at_center, modulus_at_rest
 from .outcome import Outcome, decide
 
 
-def _block_unit(model: AbstractModel, fam: Family) -> Array:
-    return modulus_at_rest(model, fam) * 2 * fam.dim / fam.spacing**2
+def _block_unit(model: AbstractModel, family: LatticeFamily) -> Array:
+    return modulus_at_rest(model, family) * 2 * family.dim / family.spacing**2
 
 
-def diagonal(model: AbstractModel, fam: Family, F: Float[Array, "dim dim"], at=None) -> Outcome:
+def diagonal(model: AbstractModel, family: LatticeFamily, F: Float[Array, "dim dim"], at=None) -> Outcome:
     """The largest diagonal entry of D and its axis."""
-    D = block_at_center(model, fam, F)
+    D = block_at_center(model, family, F)
     entries = jnp.diag(D)
-    axis = (jnp.arange(fam.dim) == jnp.argmax(entries)).astype(D.dtype) if at is None else at
+    axis = (jnp.arange(family.dim) == jnp.argmax(entries)).astype(D.dtype) if at is None else at
     value, mode = decide(D, axis)
-    return Outcome(value / _block_unit(model, fam), value, mode, at=mode)
+    return Outcome(value / _block_unit(model, family), value, mode, at=mode)
 
 
-def block(model: AbstractModel, fam: Family, F: Float[Array, "dim dim"], at=None) -> Outcome:
+def block(model: AbstractModel, family: LatticeFamily, F: Float[Array, "dim dim"], at=None) -> Outcome:
     """The largest eigenvalue of D and its direction."""
-    value, mode = decide(block_at_center(model, fam, F), at)
-    return Outcome(value / _block_unit(model, fam), value, mode, at=mode)
+    value, mode = decide(block_at_center(model, family, F), at)
+    return Outcome(value / _block_unit(model, family), value, mode, at=mode)
 
 
-def _work(model: AbstractModel, fam: Family, F) -> tuple[Bonds, Array, Array]:
+def _work(model: AbstractModel, family: LatticeFamily, F) -> tuple[Bonds, Array, Array]:
     """(bonds, V C, unit): the quadratic form dT·dY of the family and the scale of its quotient."""
-    bonds = fam.bonds(F)
+    bonds = family.bonds(F)
     VC = bonds.volume[:, None, None, None] * family_tangent(model, bonds)
-    return bonds, VC, shape_tensor_K(bonds)[0, 0] / modulus_at_rest(model, fam)
+    return bonds, VC, shape_tensor_K(bonds)[0, 0] / modulus_at_rest(model, family)
 
 
-def material_center(model: AbstractModel, fam: Family, F: Float[Array, "dim dim"], at=None) -> Outcome:
+def material_center(model: AbstractModel, family: LatticeFamily, F: Float[Array, "dim dim"], at=None) -> Outcome:
     """dT·dY for the moved centre, at its worst direction."""
-    bonds, VC, unit = _work(model, fam, F)
+    bonds, VC, unit = _work(model, family, F)
     value, mode = decide(-jnp.einsum("bicj->ij", VC) / jnp.sum(bonds.omega * bonds.volume), at)
     return Outcome(value * unit, value, mode, at=mode)
 
 
-def material_neighbour(model: AbstractModel, fam: Family, F: Float[Array, "dim dim"], at=None) -> Outcome:
+def material_neighbour(model: AbstractModel, family: LatticeFamily, F: Float[Array, "dim dim"], at=None) -> Outcome:
     """dT·dY for one moved neighbour, at the worst neighbour and direction; bonds of no weight do not count."""
-    bonds, VC, unit = _work(model, fam, F)
+    bonds, VC, unit = _work(model, family, F)
     w = bonds.omega * bonds.volume
     each = -jnp.einsum("bibj->bij", VC) / jnp.where(w > 0, w, 1)[:, None, None]
     top = jnp.where(w > 0, jnp.linalg.eigvalsh(jax.lax.stop_gradient(each))[:, -1], -jnp.inf)
@@ -81,9 +81,9 @@ def _rigid(bonds: Bonds, dim: int) -> Float[Array, "rigid bonds dim"]:
     return jnp.stack(fields)
 
 
-def material(model: AbstractModel, fam: Family, F: Float[Array, "dim dim"], at=None) -> Outcome:
+def material(model: AbstractModel, family: LatticeFamily, F: Float[Array, "dim dim"], at=None) -> Outcome:
     """dT·dY at the worst non-rigid δY; the mode is δY (bonds, dim), zero on bonds of no weight."""
-    bonds, VC, unit = _work(model, fam, F)
+    bonds, VC, unit = _work(model, family, F)
     n, dim = bonds.xi.shape
     w = bonds.omega * bonds.volume
     root = jnp.sqrt(jnp.where(w > 0, w, 1))

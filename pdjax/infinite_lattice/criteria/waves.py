@@ -19,7 +19,7 @@ from jaxtyping import Array, Bool, Float
 
 from ..._internal.checks import namespace
 from ...force.fields import affine_stress
-from ...geometry.bonds import Family
+from ...geometry.bonds import LatticeFamily
 from ...models.base import AbstractModel
 from ..bloch import Phases, homogeneous_tangent, long_wave_phases, modulus_at_rest, wave_phases
 from ..brillouin import Zone, class_best, directions, largest_eigenvalue, nudge, second_best, top_pair
@@ -131,56 +131,56 @@ def _frozen_angles(phases: Phases) -> Phases:
     return Phases(c, s, even, phases.kappa2)
 
 
-def _phases_at(fam: Family, x: Array, is_long: Array) -> Phases:
+def _phases_at(family: LatticeFamily, x: Array, is_long: Array) -> Phases:
     """Phases of the wave vector x/h, or of the limit k → 0 along x."""
-    return _pick(is_long, long_wave_phases(fam, x), wave_phases(fam, x / fam.spacing))
+    return _pick(is_long, long_wave_phases(family, x), wave_phases(family, x / family.spacing))
 
 
 def symbol(
-    model: AbstractModel, fam: Family, F: Float[Array, "dim dim"], zone: Zone, at=None, fastest: bool = True
+    model: AbstractModel, family: LatticeFamily, F: Float[Array, "dim dim"], zone: Zone, at=None, fastest: bool = True
 ) -> Outcome:
     """The exact test: see the module. `fastest`: also find the largest eigenvalue, which unstable states report."""
-    tangent = homogeneous_tangent(model, fam, F)
-    M = modulus_at_rest(model, fam)
+    tangent = homogeneous_tangent(model, family, F)
+    M = modulus_at_rest(model, family)
     if not model.hyperelastic:
-        return _by_growth(tangent, M, fam, zone, at)
+        return _by_growth(tangent, M, family, zone, at)
     if at is None:
-        quiet, unit = jax.lax.stop_gradient((tangent, fam.spacing**2 / M))
-        bonds = len(fam.influence)
-        blocks = packed(series(quiet, fam.dim, bonds)) * unit
-        found = search(blocks[None], 1, reached(fam.dim, bonds, rings_of(tangent)), zone)
+        quiet, unit = jax.lax.stop_gradient((tangent, family.spacing**2 / M))
+        bonds = len(family.influence)
+        blocks = packed(series(quiet, family.dim, bonds)) * unit
+        found = search(blocks[None], 1, reached(family.dim, bonds, rings_of(tangent)), zone)
         at = jax.tree.map(lambda y: y[0], found)
     x, is_long, mode, y, shape, scale = at = jax.lax.stop_gradient(at)
-    phases = _frozen_angles(_phases_at(fam, x, is_long))
+    phases = _frozen_angles(_phases_at(family, x, is_long))
     work = mode @ tangent(phases) @ mode
     margin = work / (M * phases.kappa2)
 
     eigenvalue, k = jnp.where(is_long, 0 * work, work), jnp.where(is_long, 0 * x, x)
     if fastest:
         unstable = jax.lax.stop_gradient(margin) > margin_tolerance(M.dtype, scale)
-        growth = shape @ tangent(_frozen_angles(wave_phases(fam, y / fam.spacing))) @ shape
+        growth = shape @ tangent(_frozen_angles(wave_phases(family, y / family.spacing))) @ shape
         eigenvalue, k = jnp.where(unstable, growth, eigenvalue), jnp.where(unstable, y, k)
         x, mode = jnp.where(unstable, y, x), jnp.where(unstable, shape, mode)
     k = k - 2 * jnp.pi * jnp.round(k / (2 * jnp.pi))  # climbs may end in the next zone: the same wave
-    return Outcome(margin, eigenvalue, mode, k / fam.spacing, x / jnp.linalg.norm(x), scale, at)
+    return Outcome(margin, eigenvalue, mode, k / family.spacing, x / jnp.linalg.norm(x), scale, at)
 
 
-def _by_growth(tangent, M: Array, fam: Family, zone: Zone, at) -> Outcome:
+def _by_growth(tangent, M: Array, family: LatticeFamily, zone: Zone, at) -> Outcome:
     if at is None:
-        quiet, unit = jax.lax.stop_gradient((tangent, fam.spacing**2 / M))
-        bonds = len(fam.influence)
-        blocks = series(quiet, fam.dim, bonds) * unit
-        at = flutter.search(blocks, reached(fam.dim, bonds, rings_of(tangent)), zone)
+        quiet, unit = jax.lax.stop_gradient((tangent, family.spacing**2 / M))
+        bonds = len(family.influence)
+        blocks = series(quiet, family.dim, bonds) * unit
+        at = flutter.search(blocks, reached(family.dim, bonds, rings_of(tangent)), zone)
     (x, is_long, right, left), (y, *pair), scale = at = jax.lax.stop_gradient(at)
-    phases = _frozen_angles(_phases_at(fam, x, is_long))
+    phases = _frozen_angles(_phases_at(family, x, is_long))
     square = flutter.quotient(tangent, phases, right, left)
     eigenvalue, k = jnp.where(is_long, 0 * square, square), jnp.where(is_long, 0 * x, x)
     mode, margin = right.real / jnp.linalg.norm(right.real), square / (M * phases.kappa2)
-    growth = flutter.quotient(tangent, _frozen_angles(wave_phases(fam, y / fam.spacing)), *pair)
+    growth = flutter.quotient(tangent, _frozen_angles(wave_phases(family, y / family.spacing)), *pair)
     unstable = jax.lax.stop_gradient(margin) > margin_tolerance(M.dtype, scale)
     eigenvalue, k, x = (jnp.where(unstable, a, b) for a, b in ((growth, eigenvalue), (y, k), (y, x)))
     mode = jnp.where(unstable, pair[0].real / jnp.linalg.norm(pair[0].real), mode)
-    return Outcome(margin, eigenvalue, mode, k / fam.spacing, x / jnp.linalg.norm(x), scale, at)
+    return Outcome(margin, eigenvalue, mode, k / family.spacing, x / jnp.linalg.norm(x), scale, at)
 
 
 def _acoustic_forms(fourth: Float[Array, "dim dim dim dim"], N: Float[Array, "*lanes dim"]) -> Forms:
@@ -194,18 +194,18 @@ def _acoustic_forms(fourth: Float[Array, "dim dim dim dim"], N: Float[Array, "*l
     return Forms(jnp.einsum("...aij,...a->...ij", first, N), 2 * first, curvature, square, 2 * N, 2 * eye)
 
 
-def _acoustic(fourth: Float[Array, "dim dim dim dim"], model, fam, at) -> Outcome:
-    M = modulus_at_rest(model, fam)
+def _acoustic(fourth: Float[Array, "dim dim dim dim"], model, family, at) -> Outcome:
+    M = modulus_at_rest(model, family)
 
     def matrix(A, N):
         return -jnp.einsum("iJkL,J,L->ik", A, N, N) / jnp.sum(N**2)
 
     if at is None:
         frozen = jax.lax.stop_gradient(fourth / M)
-        compass = jnp.asarray(directions(fam.dim), dtype=fam.xi.dtype)
+        compass = jnp.asarray(directions(family.dim), dtype=family.xi.dtype)
         screen = jax.vmap(lambda N: top_pair(matrix(frozen, N))[0])(compass)
         start = compass[jnp.argmax(screen)]
-        begin = start + jnp.asarray(nudge(fam.dim, 0.05), dtype=fam.xi.dtype)
+        begin = start + jnp.asarray(nudge(family.dim, 0.05), dtype=family.xi.dtype)
         climbed, *_ = climb(lambda N: _acoustic_forms(frozen, N), begin, top_pair(matrix(frozen, begin))[1], 0.1)
         points = jnp.stack([start, climbed])
         values, modes = jax.vmap(lambda N: top_pair(matrix(frozen, N)))(points)
@@ -216,11 +216,11 @@ def _acoustic(fourth: Float[Array, "dim dim dim dim"], model, fam, at) -> Outcom
     return Outcome(value / M, value, mode, 0 * direction, direction, at=at)
 
 
-def affine(model: AbstractModel, fam: Family, F: Float[Array, "dim dim"], at=None) -> Outcome:
+def affine(model: AbstractModel, family: LatticeFamily, F: Float[Array, "dim dim"], at=None) -> Outcome:
     """Strong ellipticity of the energy of affine maps W(F); the eigenvalue is −(acoustic tensor) [pressure]."""
-    return _acoustic(jax.jacfwd(lambda G: affine_stress(model, fam, G))(F), model, fam, at)
+    return _acoustic(jax.jacfwd(lambda G: affine_stress(model, family, G))(F), model, family, at)
 
 
-def local(model: AbstractModel, fam: Family, F: Float[Array, "dim dim"], at=None) -> Outcome:
+def local(model: AbstractModel, family: LatticeFamily, F: Float[Array, "dim dim"], at=None) -> Outcome:
     """Strong ellipticity of the classical law ψ(F); the eigenvalue is −(acoustic tensor) [pressure]."""
-    return _acoustic(jax.hessian(model.local_energy)(F), model, fam, at)
+    return _acoustic(jax.hessian(model.local_energy)(F), model, family, at)

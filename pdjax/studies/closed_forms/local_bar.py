@@ -53,11 +53,11 @@ def local_strain_of_stress(model: AbstractModel, stress) -> Float[Array, "..."]:
     low, high = _branch_end(quiet, -1.0), _branch_end(quiet, 1.0)
 
     def one(target):
-        still = jax.lax.stop_gradient(target)
-        end = jnp.where(still < 0, low, high)
+        frozen = jax.lax.stop_gradient(target)
+        end = jnp.where(frozen < 0, low, high)
         most = uniaxial_piola(quiet, end)
-        reachable = jnp.abs(still) < jnp.abs(most)
-        aim = jnp.where(reachable & (still != 0), still, 0.5 * most)
+        reachable = jnp.abs(frozen) < jnp.abs(most)
+        aim = jnp.where(reachable & (frozen != 0), frozen, 0.5 * most)
         found: optx.Solution = optx.root_find(
             lambda t, _: uniaxial_piola(quiet, t * end) - aim,
             optx.Bisection(rtol=1e-12, atol=1e-13),  # type: ignore[call-arg]
@@ -66,7 +66,7 @@ def local_strain_of_stress(model: AbstractModel, stress) -> Float[Array, "..."]:
             max_steps=80,
             throw=False,
         )
-        e = jnp.where(reachable & (still != 0), found.value * end, 0.0)
+        e = jnp.where(reachable & (frozen != 0), found.value * end, 0.0)
         for _ in range(3):  # Newton from the root: polished to rounding, and the implicit function theorem
             slope = jax.grad(lambda x: uniaxial_piola(quiet, x))(jax.lax.stop_gradient(e))
             e = e - (uniaxial_piola(model, e) - target) / slope

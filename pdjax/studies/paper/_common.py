@@ -89,7 +89,7 @@ def of_order(m: float, law: Any, control: Any = None) -> Any:
     return pd.SethHill(jnp.asarray(m), law, control)
 
 
-def family(dim: int, N: int, reach: int):
+def family_within(dim: int, N: int, reach: int):
     """The family of horizon N in the arrays of a longer one, so that one compilation serves several N."""
     return pd.lattice_family(dim, reach, influence=lambda r, _: jnp.where(r <= N * (1 + 1e-9), 1.0, 0.0))
 
@@ -99,8 +99,8 @@ _slope = eqx.filter_jit(pd.load_slope)
 
 def at_once(m: float, law: Any, dim: int, N: int, reach: int) -> list[bool]:
     """Whether the smallest compression, and tension, is unstable (a_cr = 0): a wave free at rest gains by it."""
-    fam = family(dim, N, reach)
-    return [float(_slope(of_order(m, law), fam, side=side)) > 0 for side in ("negative", "positive")]
+    family = family_within(dim, N, reach)
+    return [float(_slope(of_order(m, law), family, side=side)) > 0 for side in ("negative", "positive")]
 
 
 def signed(x: float, digits: int = 4) -> str:

@@ -19,7 +19,7 @@ import pdjax as pd
 from ...figures import COLOURS, SERIES
 from ...models.kinematics import seth_hill
 from .. import closed_forms as cf
-from ._common import CONSTANTS, OPEN, Found, at_once, close, family, judge, linear, load, of_order, signed, sizes
+from ._common import CONSTANTS, OPEN, Found, at_once, close, family_within, judge, linear, load, of_order, signed, sizes
 
 QUOTED_1D, QUOTED_2D = {1: -0.184, 3: -0.074}, -0.037
 LAWS = {name: linear(*constants) for name, constants in CONSTANTS.items()}
@@ -29,8 +29,8 @@ STYLE = {"bulk": ":", "symmetric": "--", "λ = μ = 1": "-"}
 
 def diagonal_root_1d(N: int, reach: int) -> float:
     """Where ∂f/∂x of the bar vanishes, by autodiff, m = 1."""
-    fam, model = family(1, N, reach), of_order(1.0, LAWS["symmetric"])
-    return brentq(lambda a: float(_block(model, fam, (1 + a) * np.eye(1))[0, 0]), -0.5, 0, xtol=1e-14)
+    family, model = family_within(1, N, reach), of_order(1.0, LAWS["symmetric"])
+    return brentq(lambda a: float(_block(model, family, (1 + a) * np.eye(1))[0, 0]), -0.5, 0, xtol=1e-14)
 
 
 _block = eqx.filter_jit(pd.center_block)
@@ -58,9 +58,9 @@ def reachable_loads() -> list[float]:
 
 def diagonal_roots_2d() -> dict[str, float]:
     """Where the 2D diagonal vanishes in compression, by autodiff, N = 3: m = 1 for each law, and m = 0; −∞: nowhere."""
-    fam, found = pd.lattice_family(2, 3), {}
+    family, found = pd.lattice_family(2, 3), {}
     for name, m, law in (*((name, 1.0, law) for name, law in LAWS.items()), ("m = 0", 0.0, LAWS["λ = μ = 1"])):
-        value = lambda a, m=m, law=law: float(_block(of_order(m, law), fam, (1 + a) * np.eye(2))[0, 0])  # noqa: E731
+        value = lambda a, m=m, law=law: float(_block(of_order(m, law), family, (1 + a) * np.eye(2))[0, 0])  # noqa: E731
         past = next((a for a in -np.geomspace(1e-3, 0.9, 40) if value(a) > 0), None)
         found[name] = -np.inf if past is None else brentq(value, past, 0.0, xtol=1e-14)
     return found
@@ -68,16 +68,16 @@ def diagonal_roots_2d() -> dict[str, float]:
 
 def slips_2d() -> dict:
     """Numbers of the steps from the printed 2D criterion to the exact one, N = 3."""
-    fam = pd.lattice_family(2, 3)
+    family = pd.lattice_family(2, 3)
     stiffness = {
         k: float(np.einsum("iijj->", jax.jit(jax.hessian(LAWS[k].energy))(0.05 * jnp.eye(2)))) for k in CONSTANTS
     }
     diagonal = diagonal_roots_2d()
     chain = {law: [(s.slip, s.q, float(s.load)) for s in cf.chain_2d(1.0, 3, law=law)] for law in ("bulk", "symmetric")}
-    block, rest = (np.asarray(_block(of_order(1.0, LAWS["λ = μ = 1"]), fam, s * np.eye(2))) for s in (0.95, 1.0))
+    block, rest = (np.asarray(_block(of_order(1.0, LAWS["λ = μ = 1"]), family, s * np.eye(2))) for s in (0.95, 1.0))
     return {
-        "bonds": len(fam.xi),
-        "sum of 1/p², exact": float(jnp.sum(1 / jnp.sum(fam.xi**2, axis=1))),
+        "bonds": len(family.xi),
+        "sum of 1/p², exact": float(jnp.sum(1 / jnp.sum(family.xi**2, axis=1))),
         "sum of 1/p², printed": cf.lattice_sums_2d(3, "printed").s00,
         "I : dS/dE : I of S = κE over κ": stiffness,
         "q of the general formula": q_of_general_formula(),

@@ -8,7 +8,8 @@ named there holds its answer against something independent of this table. What i
 from . import a_cr, cuboid, dispersion, family, m_cr, maps, singular_bar, step_bar
 from ._common import Claim
 
-_FORMS, _CLAIMS, _WAVES = (f"tests/test_{name}.py::test_" for name in ("closed_forms", "claims", "waves"))
+_TESTS = ("studies/test_closed_forms", "studies/test_claims", "infinite_lattice/test_dispersion")
+_FORMS, _CLAIMS, _WAVES = (f"tests/{name}.py::test_" for name in _TESTS)
 _LOADS = "pdjax critical --dim {} --N 3 --m {} --criterion diagonal symbol"
 
 
@@ -17,7 +18,7 @@ _LOADS = "pdjax critical --dim {} --N 3 --m {} --criterion diagonal symbol"
 # fmt: off
 CLAIMS = (
     # one family in a uniform deformation
-    Claim("equilibrium", "every uniform deformation is an equilibrium inside a body", "sec. 3.1", "net force 0", "family", family.equilibrium, test="tests/test_force.py::test_a_homogeneous_periodic_body_is_in_equilibrium_and_moves_freely"),
+    Claim("equilibrium", "every uniform deformation is an equilibrium inside a body", "sec. 3.1", "net force 0", "family", family.equilibrium, test="tests/force/test_force.py::test_a_homogeneous_periodic_body_is_in_equilibrium_and_moves_freely"),
     Claim("static", "static equation: what it sums over the bonds", "after Eq. (TforTwo)", "T − T, bond by bond", "family", family.static, question="Does the bracket of the static equation equal 2T?", test=_FORMS + "static_equation_sign"),
     Claim("entry", "∂f(X)/∂x(X + η) of any uniform state, three terms", "sec. 3.2", "printed", "family", family.entry, test=_CLAIMS + "general_closed_form_of_the_jacobian_is_autodiff"),
     Claim("centre", "moving a point changes no strain of its own", "Remark 1", "∂Ē/∂x = 0", "family", family.centre),
@@ -47,17 +48,17 @@ CLAIMS = (
     Claim("discretisation", "discretisation enhances stability, m = 1", "Remark 6", "of every model", "maps-2d", maps.discretisation, "pdjax critical --dim 2 --N 2 --m 1 --criterion diagonal symbol", question="Does discretisation enhance stability, of the whole Jacobian?", test=_CLAIMS + "some_side_fails_at_once_for_every_order"),
     Claim("log", "m = 0 may be stable under any hydrostatic load", "Remark 7", "in 2D and 3D", "maps-2d", maps.logarithmic, _LOADS.format(2, 0), question="Is the logarithmic model stable under hydrostatic load, in 2D and 3D, on each side?", test=_CLAIMS + "s8_the_logarithmic_model_is_not_stable_hydrostatically"),
     Claim("source", "the classical model has the trouble too, at far larger loads", "sec. 6.3", "milder", "maps-2d", maps.source, "pdjax critical --m 1 -1 --criterion local symbol"),
-    Claim("stabilise", "none of the stabilisations can address this", "sec. 6.2", "none", "maps-2d", maps.stabilised, 'pdjax atlas --dim 2 --models "Seth–Hill 1" "Seth–Hill 1 + penalty"', test="tests/test_atlas.py::test_cures_of_seth_hill"),
+    Claim("stabilise", "none of the stabilisations can address this", "sec. 6.2", "none", "maps-2d", maps.stabilised, 'pdjax atlas --dim 2 --models "Seth–Hill 1" "Seth–Hill 1 + penalty"', test="tests/infinite_lattice/test_atlas.py::test_cures_of_seth_hill"),
     Claim("switch", "choosing m by the sign of the load is not practical", "sec. 6.2", "doubted", "maps-2d", maps.switch, "pdjax critical --path uniaxial-stress --m -1 0 1"),
     # bars
     Claim("bar_tension", "singular bar, σ/E₀ = 10⁻³, m = 1: right, no instability", "sec. 5.1", "as the local solution", "singular-bar", singular_bar.bar_tension),
-    Claim("bar_form", "its closed form is the local solution at σ/E₀ = 10⁻³", "sec. 5.1", "small strain", "singular-bar", singular_bar.bar_form, test="tests/test_scenes.py::test_local_solution_of_the_singular_bar_by_scipy"),
+    Claim("bar_form", "its closed form is the local solution at σ/E₀ = 10⁻³", "sec. 5.1", "small strain", "singular-bar", singular_bar.bar_form, test="tests/scenes/test_scenes.py::test_local_solution_of_the_singular_bar_by_scipy"),
     Claim("bar_compression", "σ/E₀ = −10⁻⁵, m = 1: modes of instability", "sec. 5.1", "unstable", "singular-bar", singular_bar.bar_compression),
     Claim("bar_points", "the number of points at which it fails", "sec. 5.1", "not in the text", "singular-bar", singular_bar.bar_points),
     Claim("bar_silling", "Silling's model is as unstable, in tension and compression", "sec. 5.1", "unstable", "singular-bar", singular_bar.bar_silling),
     Claim("step_tension", "+100 % at once is solved", "sec. 5.2", "correct", "step-bar", step_bar.step_tension, test=_CLAIMS + "s9_the_step_size_bar_is_at_a_saddle"),
     Claim("step_size", "−0.1 % at once fails for its step is too large", "sec. 5.2", "step size", "step-bar", step_bar.step_size, question="Is the step too large, or is the clamped bar's own Jacobian indefinite, and what does Newton find?", test=_CLAIMS + "s9_the_step_size_bar_is_at_a_saddle"),
-    Claim("step_region", "the bar is stable down to a_cr", "sec. 5.2", "−7.4 %", "step-bar", step_bar.step_region, question="How does the critical strain of the clamped bar fall with its points?", test="tests/test_body.py::test_odd_horizons_lose_stability_as_the_inverse_square_of_length"),
+    Claim("step_region", "the bar is stable down to a_cr", "sec. 5.2", "−7.4 %", "step-bar", step_bar.step_region, question="How does the critical strain of the clamped bar fall with its points?", test="tests/finite_body/test_spectrum.py::test_odd_horizons_lose_stability_as_the_inverse_square_of_length"),
     # the cuboid
     Claim("cuboid", "cuboid, m = 0: unstable under small tension and compression", "sec. 5.3", "unstable", "cuboid", cuboid.cuboid),
     Claim("cuboid_step", "a smaller time step changes nothing", "sec. 5.3", "no effect", "cuboid", cuboid.cuboid_step),

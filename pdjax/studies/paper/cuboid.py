@@ -14,8 +14,8 @@ from matplotlib.lines import Line2D
 
 import pdjax as pd
 
-from ...cli.motions import roughness
 from ...figures import COLOURS, SERIES
+from ...scenes.alternation import roughness
 from ._common import OPEN, Found, judge, linear, of_order, percent, sizes
 
 LAW = linear(1.0, 1.0)

@@ -43,13 +43,13 @@ def edge_wave() -> dict:
     """The symbol at k = π/h over the law's modulus, at rest and at ±1 % of strain, m = 1; the verdict at rest; how far
     lattices are from the continuum at kδ = 2π, where that is lowest beyond kδ = π, in units of c/δ.
     """
-    fam, model, lowest = pd.lattice_family(1, N), of_order(1.0, LAW), 2 * np.pi
-    at = {f"{a:+g}": float(pd.symbol(model, fam, (1 + a) * np.eye(1), [np.pi])[0, 0]) for a in (-0.01, 0.0, 0.01)}
+    family, model, lowest = pd.lattice_family(1, N), of_order(1.0, LAW), 2 * np.pi
+    at = {f"{a:+g}": float(pd.symbol(model, family, (1 + a) * np.eye(1), [np.pi])[0, 0]) for a in (-0.01, 0.0, 0.01)}
     continuum = float(np.sqrt(cf.dispersion_continuum_1d(lowest, 1.0)))
     lattice = {n: n * float(np.sqrt(cf.dispersion_limit_1d(lowest / n, n))) for n in (3, 6, 12, 24)}
     return {
         "λ h²/κ": at,
-        "at rest": pd.stability(model, fam, np.eye(1)).verdict,
+        "at rest": pd.stability(model, family, np.eye(1)).verdict,
         "continuum, ω δ/c at kδ = 2π": continuum,
         "lattices from it": {n: abs(omega - continuum) for n, omega in lattice.items()},
     }
@@ -60,14 +60,14 @@ def make(quick: bool) -> tuple[dict, Figure]:
     half = np.linspace(0.01, np.pi, 60 if quick else 200)
     k = np.append(half, np.linspace(np.pi, 2 * np.pi, len(half))[1:])
     exact = pd.dispersion(of_order(1.0, LAW), pd.lattice_family(dim=1, N=N), np.eye(1), k)
-    symbol, still = np.asarray(exact.frequency[:, 0]), np.asarray(exact.zero_energy[:, 0])
+    symbol, zero_energy = np.asarray(exact.frequency[:, 0]), np.asarray(exact.zero_energy[:, 0])
     line = pd.figures.Branch("classical", k / np.pi, k, ":")
     small, large = (
         [line, *(pd.figures.Branch(f"m = {m:g}".replace("-", "−"), k / np.pi, printed(k, u0, m).real) for m in ORDERS)]
         for u0 in (SMALL, LARGE)
     )
     gap = max(float(np.abs(branch.omega - symbol).max()) for branch in small[1:])
-    small.append(pd.figures.Branch("symbol", k / np.pi, symbol, "--", still))
+    small.append(pd.figures.Branch("symbol", k / np.pi, symbol, "--", zero_energy))
     small.append(pd.figures.Branch("continuum", k / np.pi, np.sqrt(cf.dispersion_continuum_1d(k, N)), "-."))
     omega = float(np.sqrt(cf.dispersion_limit_1d(READ, N)))
     sizes_u0 = np.array([0.05, 0.1]) if quick else np.array([0.025, 0.05, 0.075, 0.1])
@@ -76,7 +76,7 @@ def make(quick: bool) -> tuple[dict, Figure]:
     reads = {name: printed(READ, s * LARGE, 1.0, X) / omega for name, (s, X, _) in WAYS.items()}
     numbers = {
         "orders from the symbol, small u0": gap,
-        "zeros of the symbol, k h / π": (k[still] / np.pi).tolist(),
+        "zeros of the symbol, k h / π": (k[zero_energy] / np.pi).tolist(),
         "wave at the zone's edge": edge_wave(),
         "|ω| h/c at k = π/h, large u0": {f"m = {m:g}": abs(complex(printed(np.pi, LARGE, m))) for m in ORDERS},
         "ω over the symbol's, m = 1, large u0": {n: [complex(w).real, complex(w).imag] for n, w in reads.items()},

@@ -30,30 +30,30 @@ def rows(F=STATE, m=M) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """η (points, 2) [h]; J⟨η⟩ (points, 2, 2) by autodiff of the force on a point of a periodic lattice, by formula."""
     side = 4 * N + 1
     body = pd.lattice((side, side), periodic=True)
-    fams, centre = pd.families(body, float(N)), len(body) // 2
-    eta, model, fam = body.positions - body.positions[centre], of_order(m, LAW), pd.lattice_family(2, N)
+    families, centre = pd.families(body, float(N)), len(body) // 2
+    eta, model, family = body.positions - body.positions[centre], of_order(m, LAW), pd.lattice_family(2, N)
 
     def force(u):
-        return pd.force_density(model, fams, u, F)[centre]
+        return pd.force_density(model, families, u, F)[centre]
 
     exact = jnp.moveaxis(jax.jit(jax.jacrev(force))(jnp.zeros_like(eta)), 1, 0)
 
     @jax.jit
     def formula(eta):
-        strain = model.strain(fam.bonds(F))
+        strain = model.strain(family.bonds(F))
         stress, tangent = jax.grad(LAW.energy)(strain), jax.hessian(LAW.energy)(strain)
-        one = jnp.ones(len(fam.xi))
-        return jax.vmap(lambda e: cf.jacobian_entry(e, fam.xi, one, 1.0, F, m, stress, tangent))(eta)
+        one = jnp.ones(len(family.xi))
+        return jax.vmap(lambda e: cf.jacobian_entry(e, family.xi, one, 1.0, F, m, stress, tangent))(eta)
 
     return eta, np.asarray(exact), np.asarray(formula(eta))
 
 
 def strain_gaps() -> dict[str, float]:
     """Largest component of Ē_m − E_m over rotations times a stretch, stretches of 1 and 10 % and a shear, 2D, N = 3."""
-    fam = pd.lattice_family(2, N)
-    one, turn = np.ones(len(fam.xi)), np.array([[np.cos(0.4), -np.sin(0.4)], [np.sin(0.4), np.cos(0.4)]])
+    family = pd.lattice_family(2, N)
+    one, turn = np.ones(len(family.xi)), np.array([[np.cos(0.4), -np.sin(0.4)], [np.sin(0.4), np.cos(0.4)]])
     states = (1.2 * turn, np.diag([1.01, 1.0]), np.diag([1.1, 1.0]), np.array([[1.0, 0.1], [0.0, 1.0]]))
-    defect = jax.jit(lambda F, m: abs(cf.strain_defect(F, m, fam.xi, one)).max())
+    defect = jax.jit(lambda F, m: abs(cf.strain_defect(F, m, family.xi, one)).max())
     gap = {m: [float(defect(F, m)) for F in states] for m in (-1.0, 0.0, 0.5, 1.0, 2.0)}
     others = [g for m, g in gap.items() if m != 1]
     return {
@@ -67,10 +67,10 @@ def strain_gaps() -> dict[str, float]:
 
 def uniform_state() -> dict[str, float]:
     """The force density of a uniform state, the static equation's bracket, and ∂Ē/∂x of a moved centre."""
-    fam, model = pd.lattice_family(2, N), of_order(M, LAW)
-    T = np.asarray(eqx.filter_jit(pd.force_state)(model, fam, STATE))
+    family, model = pd.lattice_family(2, N), of_order(M, LAW)
+    T = np.asarray(eqx.filter_jit(pd.force_state)(model, family, STATE))
     there = np.roll(T, len(T) // 2, axis=0)  # T⟨−ξ⟩(X + ξ): bond b + bonds/2 is opposite to bond b
-    at = fam.bonds(jnp.asarray(STATE))
+    at = family.bonds(jnp.asarray(STATE))
     move = jnp.zeros_like(at.eta).at[:, 0].set(-1.0)
     change = jax.jvp(lambda eta: model.strain(at._replace(eta=eta)), (at.eta,), (move,))[1]
     return {
@@ -84,16 +84,16 @@ def uniform_state() -> dict[str, float]:
 
 def silling() -> dict:
     """Silling's model at ±5 %: the diagonal block's largest eigenvalue, and the symbol's at the zone's corner."""
-    fam, model, corner = pd.lattice_family(2, N), pd.Correspondence(LAW), np.pi * np.ones(2)
+    family, model, corner = pd.lattice_family(2, N), pd.Correspondence(LAW), np.pi * np.ones(2)
     found = {}
     for a in (-0.05, 0.05):
         F = (1 + a) * np.eye(2)
-        block = np.linalg.eigvalsh(np.asarray(pd.center_block(model, fam, F)))
-        wave = np.linalg.eigvalsh(np.asarray(pd.symbol(model, fam, F, corner)))
+        block = np.linalg.eigvalsh(np.asarray(pd.center_block(model, family, F)))
+        wave = np.linalg.eigvalsh(np.asarray(pd.symbol(model, family, F, corner)))
         found[f"{a:+g}"] = {
             "block": float(block[-1]),
             "at the corner": float(abs(wave).max()),
-            "verdict": pd.stability(model, fam, F).verdict,
+            "verdict": pd.stability(model, family, F).verdict,
         }
     return found
 

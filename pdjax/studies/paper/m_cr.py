@@ -41,13 +41,13 @@ def zero(orders: np.ndarray, values: np.ndarray) -> float:
 
 
 @eqx.filter_jit
-def moved_centre(fam, a, m):
+def moved_centre(family, a, m):
     """dT·dY where the centre alone moves by 1 along the first axis: printed, corrected, exact."""
-    model, at = of_order(m, LAW), fam.bonds((1 + a) * jnp.eye(fam.dim))
+    model, at = of_order(m, LAW), family.bonds((1 + a) * jnp.eye(family.dim))
     move = jnp.zeros_like(at.eta).at[:, 0].set(-1.0)
     change = jax.jvp(lambda eta: model.force_state(at._replace(eta=eta)), (at.eta,), (move,))[1]
-    stress, radial = (fam.dim + 2) * seth_hill(jnp.log1p(a), m), jnp.mean(1 / jnp.sum(fam.xi**2, axis=1))
-    forms = [cf.material_test(stress, a, m, fam.dim, radial, form=form) for form in ("printed", "corrected")]
+    stress, radial = (family.dim + 2) * seth_hill(jnp.log1p(a), m), jnp.mean(1 / jnp.sum(family.xi**2, axis=1))
+    forms = [cf.material_test(stress, a, m, family.dim, radial, form=form) for form in ("printed", "corrected")]
     return *forms, jnp.sum(at.volume[:, None] * change * move)
 
 
@@ -57,12 +57,12 @@ def make(quick: bool) -> tuple[dict, Figure]:
     numbers: dict = {"m_cr": {}, "dT dY": {}}
     figure = Figure(figsize=(11.4, 4.0), layout="constrained")
     for dim, axes in zip((1, 2, 3), figure.subplots(1, 3, sharey=True), strict=True):
-        fam = pd.lattice_family(dim, 2)
+        family = pd.lattice_family(dim, 2)
         exact = gamma_exact(samples, dim)
         root = zero(samples, exact)
         forms = {form: cf.m_cr(dim, form) for form in ("printed", "corrected")}
         numbers["m_cr"][f"{dim}D"] = {**forms, "exact": root}
-        test = dict(zip(("printed", "corrected", "exact"), map(float, moved_centre(fam, 0.1, 0.8)), strict=True))
+        test = dict(zip(("printed", "corrected", "exact"), map(float, moved_centre(family, 0.1, 0.8)), strict=True))
         numbers["dT dY"][f"{dim}D"] = test
         axes.axhline(0, color="#888888", linewidth=0.8)
         axes.plot(samples, cf.gamma(samples, dim), color=COLOURS["continuum"], linewidth=3.5, label="corrected")

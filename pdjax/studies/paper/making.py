@@ -34,7 +34,7 @@ _SHARED = (
 
 def make(name: str, quick: bool, file: Path) -> tuple[dict, float]:
     """One sheet, its picture written to `file`: (numbers, seconds)."""
-    from ...cli.motions import write_picture
+    from ..._internal.pictures import write_picture
     from . import FIGURES
 
     start, before = time.perf_counter(), jax.config.read("jax_disable_most_optimizations")

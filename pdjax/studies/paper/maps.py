@@ -13,7 +13,7 @@ import pdjax as pd
 
 from ...models.kinematics import seth_hill
 from .. import closed_forms as cf
-from ._common import CONSTANTS, Found, at_once, family, judge, linear, of_order, percent, sizes
+from ._common import CONSTANTS, Found, at_once, family_within, judge, linear, of_order, percent, sizes
 
 LINE = linear(1.0, 0.0)
 LAW = linear(1.0, 1.0)
@@ -30,8 +30,8 @@ def sweep(dim: int, law, quick: bool) -> pd.StabilityMap:
 
 def law_fails(m: float, far: float) -> float:
     """Where the classical law ψ(E_m) loses its ellipticity between rest and `far`, 2D."""
-    fam, model = pd.lattice_family(2, N), of_order(m, LAW)
-    margin = lambda a: float(pd.stability(model, fam, (1 + a) * np.eye(2), "local").margin)  # noqa: E731
+    family, model = pd.lattice_family(2, N), of_order(m, LAW)
+    margin = lambda a: float(pd.stability(model, family, (1 + a) * np.eye(2), "local").margin)  # noqa: E731
     return brentq(margin, 0.0, far, xtol=1e-9)
 
 
@@ -103,7 +103,7 @@ def make_1d(quick: bool) -> tuple[dict, Figure]:
             f"m = {order:g}": {n: at_once(order, LINE, 1, n, horizons[-1]) for n in horizons} for order in (1.0, 0.0)
         },
         "verdict of m = 1/2 at ±10 %": [
-            pd.stability(of_order(0.5, LINE), family(1, N, horizons[-1]), (1 + s) * np.eye(1)).verdict
+            pd.stability(of_order(0.5, LINE), family_within(1, N, horizons[-1]), (1 + s) * np.eye(1)).verdict
             for s in (-0.1, 0.1)
         ],
     }

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 import pdjax as pd
 
-from ...cli.run import bar_case, singular_curves
+from ..bars import bar_case, singular_curves
 from ._common import OPEN, Found, judge, linear, of_order, sizes
 
 N = 3

@@ -13,9 +13,9 @@ from matplotlib.ticker import NullFormatter
 
 import pdjax as pd
 
-from ...cli.run import bar_case
 from ...figures import COLOURS, SERIES
 from .. import closed_forms as cf
+from ..bars import bar_case
 from ._common import Found, judge, percent, sizes
 
 N, POINTS = 3, 100

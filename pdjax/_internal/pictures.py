@@ -1,0 +1,12 @@
+"""Figures as files."""
+
+from pathlib import Path
+from typing import Any
+
+from .checks import written_whole
+
+
+def write_picture(figure: Any, picture: Path) -> None:
+    """Write a matplotlib figure as a PNG; a write that fails leaves no part of a file."""
+    with written_whole(picture) as stream:
+        figure.savefig(stream, format="png", dpi=150)

@@ -1,0 +1,104 @@
+"""What the commands share: the parser, the arguments of a lattice, tables of critical loads, files written whole."""
+
+import argparse
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from .._internal.checks import written_whole
+from .._internal.pictures import write_picture
+
+Job = tuple[dict, Callable[[], str] | None]  # what was found; what writes the files and says which
+
+
+class Parser(argparse.ArgumentParser):
+    """Says how a value that starts with a minus sign is written."""
+
+    def error(self, message: str):
+        """Print the usage and the message, and leave with status 2."""
+        hint = "" if "expected one argument" not in message else " (before a minus sign write =, as in --a=-0.1:0.1:81)"
+        super().error(message + hint)
+
+
+def lattice_arguments() -> Parser:
+    """The arguments of the commands about a Seth–Hill model on a lattice."""
+    common = Parser(add_help=False)
+    common.add_argument("--dim", type=int, default=2, choices=(1, 2, 3), help="dimension (default 2)")
+    common.add_argument("--N", type=float, default=3.0, help="horizon over lattice spacing (default 3)")
+    common.add_argument("--lam", type=float, default=1.0, help="first Lamé constant of the linear law (default 1)")
+    common.add_argument("--mu", type=float, default=1.0, help="shear modulus of the linear law (default 1)")
+    common.add_argument(
+        "--influence",
+        default="constant",
+        choices=("constant", "inverse_distance", "linear", "cubic_spline", "gaussian"),
+        help="influence function of the bonds (default constant)",
+    )
+    common.add_argument(
+        "--path",
+        default="hydrostatic",
+        choices=("hydrostatic", "uniaxial-strain", "uniaxial-stress", "simple-shear"),
+        help="load path F(a) (default hydrostatic)",
+    )
+    common.add_argument("--resolution", type=int, help="grid intervals over half the Brillouin zone (default 8 N)")
+    common.add_argument("--json", action="store_true", help="print one JSON object instead of text")
+    return common
+
+
+def setting(arguments) -> tuple[Any, Any, Any]:
+    """The law, the load path and the influence function that the arguments name."""
+    import pdjax as pd
+
+    law = pd.LinearElastic(lam=arguments.lam, mu=arguments.mu)  # type: ignore[call-arg]
+    influence = getattr(pd, f"{arguments.influence}_influence")
+    return law, pd.PATHS[arguments.path], influence
+
+
+def number(x: float) -> str:
+    """A critical load as the table shows it."""
+    return f"{x:+.4f}" if math.isfinite(x) and x != 0 else {0.0: "0"}.get(x, "none" if math.isinf(x) else "undefined")
+
+
+def critical_table(rows: list[dict]) -> str:
+    """Critical loads: a line for each order, two columns for each criterion."""
+    criteria = list(dict.fromkeys(row["criterion"] for row in rows))
+    orders = list(dict.fromkeys(row["m"] for row in rows))
+    at = {(r["m"], r["criterion"], r["side"]): number(r["a_cr"]) for r in rows}
+    lines = [
+        "     m" + "".join(f"{c:>24}" for c in criteria),
+        "      " + f"{'compression':>14}{'tension':>10}" * len(criteria),
+    ]
+    for m in orders:
+        cells = (f"{at[m, c, 'negative']:>14}{at[m, c, 'positive']:>10}" for c in criteria)
+        lines.append(f"{m:>6g}" + "".join(cells))
+    return "\n".join(lines)
+
+
+def critical_rows(orders, names, law, path, influence, arguments) -> list[dict]:
+    """Critical loads of Seth–Hill models on both sides of the path, by every named criterion."""
+    import pdjax as pd
+
+    family = pd.lattice_family(arguments.dim, arguments.N, influence=influence)
+    return [
+        {
+            "m": float(m),
+            "criterion": name,
+            "side": side,
+            "a_cr": float(
+                pd.critical_load(pd.SethHill(m, law), family, path, name, side, resolution=arguments.resolution)
+            ),
+        }
+        for name in names
+        for side in ("negative", "positive")
+        for m in orders
+    ]
+
+
+def write_out(draw: Callable[[], Any], picture: Path, arrays: dict[str, Any], data: Path) -> str:
+    """The numbers, then the figure drawn of them, each whole or not there; what was written, in words."""
+    with written_whole(data) as stream:
+        np.savez(stream, **arrays)
+    write_picture(draw(), picture)
+    return f"wrote {data} and {picture}"

