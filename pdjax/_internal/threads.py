@@ -14,7 +14,7 @@ def cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-def shared(do: Callable[[Item], Answer], items: Sequence[Item]) -> Iterator[Answer]:
+def in_threads(do: Callable[[Item], Answer], items: Sequence[Item]) -> Iterator[Answer]:
     """Yield `do(item)` of every item, in order; as many at once as there are cores.
 
     An error, or a caller that stops, cancels what has not begun.

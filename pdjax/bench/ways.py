@@ -59,7 +59,7 @@ def evaluate(model: str, way: str, n: int, horizon: float) -> dict:
     families, u = _body(n, horizon)
     start = time.perf_counter()
     operator = force_operator(MODELS[model], families, way)
-    jax.block_until_ready(jax.tree.leaves(operator.plan))
+    jax.block_until_ready(jax.tree.leaves(operator.backend))
     prepared = time.perf_counter() - start
     f, row = kernel(_call, operator, u)
     closure = jax.jit(lambda u: force_density(MODELS[model], families, u, way=way))
@@ -70,10 +70,10 @@ def evaluate(model: str, way: str, n: int, horizon: float) -> dict:
     if other in ways_of(MODELS[model], families):
         known = force_operator(MODELS[model], families, other)(u)
         error = float(jnp.max(jnp.abs(f - known)) / jnp.max(jnp.abs(known)))
-    if isinstance(operator.plan, Convolution):
-        forth, back = operator.plan.plan.transforms
+    if isinstance(operator.backend, Convolution):
+        forth, back = operator.backend.plan.transforms
         x = jnp.zeros((forth, n**3)).at[:, 0].set(1.0)
-        _, floor = kernel(partial(_there_and_back, back), operator.plan, x)
+        _, floor = kernel(partial(_there_and_back, back), operator.backend, x)
         row["transform_seconds"] = floor["seconds"]
     bonds = float(families.count.sum())
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20

@@ -1,7 +1,8 @@
 """The command line, one file for each command: `pdjax map`, `critical`, `symbol`, `atlas`, `bench`, `run`, `paper`.
 
-A command reads its arguments, calls the package, prints and draws. It computes in float64, because the signs of
-eigenvalues decide. A new command is one file with `add` and `run`, and one line in `COMMANDS`.
+A command reads its arguments, calls the package, prints the results and draws figures. It computes in float64, because
+the verdicts depend on signs of eigenvalues. To add a command, write a file with the functions `add` and `run`, and add
+one line to `COMMANDS`.
 """
 
 import argparse
@@ -25,38 +26,40 @@ COMMANDS = {
 }
 
 _EPILOG = """examples
-  pdjax map                                     the default map: 2D, N = 3, orders m in [-2, 2], |a| up to 30 %
-  pdjax map --dim 3 --path uniaxial-stress      another dimension and load path
-  pdjax map --m=-1:2:61 --a=-0.1:0.1:81         finer near the origin (lo:hi:count; write = before a minus sign)
-  pdjax critical --m 0 1 2                      critical loads of three orders, every criterion, both sides
-  pdjax symbol --m 0 --a=-0.02                  one state: its verdict, the wave that decides, its spectrum
-  pdjax atlas --dim 2 3                         every model, every path: critical strains, zero-energy waves, cost
-  pdjax bench --quick                           error against time of every choice, small sizes
-  pdjax run singular-bar                        the paper's singular bar, tension and compression, both models
+  pdjax map                                     default stability map: 2D, N = 3, orders -2 to 2, loads up to 30 %
+  pdjax map --dim 3 --path uniaxial-stress      the same map in 3D under uniaxial stress
+  pdjax map --m=-1:2:61 --a=-0.1:0.1:81         a finer grid near the origin (lo:hi:count; = before a minus sign)
+  pdjax critical --m 0 1 2                      critical loads of three orders in compression and tension
+  pdjax symbol --m 0 --a=-0.02                  one state: verdict, most unstable wave and spectrum
+  pdjax atlas --dim 2 3                         all models on all load paths: critical strains, zero-energy waves, cost
+  pdjax bench --quick                           speed and error of the numerical methods, at small sizes
+  pdjax run singular-bar                        the paper's singular bar in tension and compression, two models
   pdjax run step-bar --strain=-0.001            the paper's step-size bar at one strain
-  pdjax run cuboid --m 0                        the paper's cuboid, pulled and pushed, explicit in time
-  pdjax run wave --a=-0.01 --j 20               the wave at the zone's edge of a compressed bar, which grows
-  pdjax paper --quick                           every figure and claim of the paper, tried; reduced sizes
+  pdjax run cuboid --m 0                        the paper's cuboid in tension and compression, explicit dynamics
+  pdjax run wave --a=-0.01 --j 20               a wave that grows: the shortest wave of a compressed bar
+  pdjax paper --quick                           all figures and claims of the paper, at reduced sizes
+
+`pdjax COMMAND --help` explains the options of a command.
 """
 
 
 def parser() -> argparse.ArgumentParser:
-    """The parser of every command."""
+    """Make the parser of all commands."""
     formatter = argparse.RawDescriptionHelpFormatter
     whole = Parser(
         prog="pdjax",
-        description="Exact stability of peridynamic material models on infinite lattices.",
+        description="Find out at which loads a peridynamic material model is stable, with exact Jacobians.",
         epilog=_EPILOG,
         formatter_class=formatter,
     )
-    jobs = whole.add_subparsers(dest="job", required=True, metavar="job")
+    jobs = whole.add_subparsers(dest="job", required=True, metavar="command")
     for command in COMMANDS.values():
         command.add(jobs, formatter)
     return whole
 
 
 def _keep_compiled() -> None:
-    """Keep compiled programs from run to run; where that can't be done, say so in one line and go on."""
+    """Keep compiled programs for later runs. If that fails, print one line and go on."""
     with warnings.catch_warnings(record=True) as said:
         warnings.simplefilter("always")
         use_compilation_cache()
@@ -65,9 +68,10 @@ def _keep_compiled() -> None:
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Run one job; 0 done, 2 bad input, 130 interrupted. Numbers are said before a file is written.
+    """Run one command and return the exit code: 0 done, 2 bad input, 130 interrupted.
 
-    As a program (argv None) it keeps what it compiles for the next time.
+    `main` prints the numbers before it draws the figure, so that a full disk loses no results. Called as a program
+    (`argv` None), it stores compiled programs for the next run.
     """
     arguments = parser().parse_args(argv)
     import jax
@@ -86,6 +90,6 @@ def main(argv: list[str] | None = None) -> int:
         print(f"pdjax {arguments.job}: {error}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
-        print(f"\npdjax {arguments.job}: interrupted; what was written already stays, whole", file=sys.stderr)
+        print(f"\npdjax {arguments.job}: interrupted; files that are already written are complete", file=sys.stderr)
         return 130
     return 0

@@ -1,4 +1,4 @@
-"""`pdjax atlas`: the survey of models on the command line."""
+"""`pdjax atlas`: a survey of all material models of the catalogue."""
 
 import argparse
 import math
@@ -9,23 +9,35 @@ from .common import Job
 
 
 def add(jobs: Any, formatter: Any) -> None:
-    """The arguments of the job."""
+    """Add the command and its arguments."""
     job = jobs.add_parser(
         "atlas",
         formatter_class=formatter,
-        help="every model of the table: critical strains, zero-energy waves, dispersion, cost",
-        description="Survey the models on infinite lattices by the symbol. Writes OUT.json, kept up to date model by"
-        "\nmodel and gone on with after a stop, and OUT.png; prints the table.",
+        help="all models: critical strains, zero-energy waves, dispersion, cost",
+        description="Compare the material models on infinite lattices: critical strains by the symbol, zero-energy"
+        "\nwaves, dispersion and cost. The command prints a table and writes OUT.png and OUT.json. It updates OUT.json"
+        "\nafter each model, so that an interrupted run continues with the missing models.",
     )
-    job.add_argument("--dim", type=int, nargs="+", default=[1, 2], choices=(1, 2, 3), help="dimensions (default 1 2)")
-    job.add_argument("--N", type=float, nargs="+", default=[3.0], help="horizons over lattice spacing (default 3)")
-    job.add_argument("--models", nargs="+", help="names of models, in quotes (default: all; a wrong name lists them)")
+    job.add_argument(
+        "--dim",
+        type=int,
+        nargs="+",
+        default=[1, 2],
+        choices=(1, 2, 3),
+        help="numbers of space dimensions (default 1 2)",
+    )
+    job.add_argument("--N", type=float, nargs="+", default=[3.0], help="horizons over lattice spacing [-] (default 3)")
+    job.add_argument(
+        "--models", nargs="+", help="names of models, in quotes (default: all; a wrong name prints the list)"
+    )
     job.add_argument("--path", nargs="+", help="load paths (default: all)")
     job.add_argument("--lam", type=float, default=1.0, help="first Lamé constant of the linear law (default 1)")
     job.add_argument("--mu", type=float, default=1.0, help="shear modulus of the linear law (default 1)")
-    job.add_argument("--quick", action="store_true", help="1D, N = 3, six models: about a minute")
-    job.add_argument("--out", default="pdjax-atlas", help="name of the files without ending (default pdjax-atlas)")
-    job.add_argument("--json", action="store_true", help="print one JSON object instead of text")
+    job.add_argument("--quick", action="store_true", help="1D, N = 3 and six models only; takes about a minute")
+    job.add_argument(
+        "--out", default="pdjax-atlas", help="name of the output files, without extension (default pdjax-atlas)"
+    )
+    job.add_argument("--json", action="store_true", help="print the results as one JSON object")
 
 
 QUICK = ["bond-based", "Silling", "Silling + penalty", "Seth–Hill 1", "Seth–Hill 0", "Seth–Hill 0 + penalty"]
@@ -39,7 +51,7 @@ def _text(value: float, before: str) -> str:
 
 
 def table(records: list[dict], dim: int, N: float) -> str:
-    """Critical strains of one lattice: a line for each model."""
+    """Format the critical strains of one lattice: a line for each model."""
     mine = [r for r in records if r["dim"] == dim and r["N"] == N]
     paths = next((list(r["critical"]) for r in mine if "critical" in r), [])
     head = "".join(f"{path:>22}" for path in paths)
@@ -61,7 +73,7 @@ def table(records: list[dict], dim: int, N: float) -> str:
 
 
 def run(arguments: argparse.Namespace) -> Job:
-    """Do the job: what goes to --json, and what writes the picture."""
+    """Survey the models and print the tables. Return the results with a function that writes the picture."""
     import pdjax as pd
     from pdjax._internal.checks import writable
 
@@ -73,7 +85,10 @@ def run(arguments: argparse.Namespace) -> Job:
         arguments.models, arguments.dim, arguments.N, law, arguments.path or list(pd.PATHS), save=data
     )
     if not arguments.json:
-        print("critical strain [%] in compression and tension (0: at once, inf: not within -90 to +100, o: marginal)\n")
+        print(
+            "critical strain [%] in compression and tension\n"
+            "(0: unstable for any load; inf: not unstable from -90 to +100 %; o: marginal at smaller loads)\n"
+        )
         for dim in arguments.dim:
             for n in arguments.N:
                 print(table(found.records, dim, n) + "\n")

@@ -1,4 +1,4 @@
-"""`pdjax run singular-bar` and `pdjax run step-bar`: the bars at rest."""
+"""`pdjax run singular-bar` and `pdjax run step-bar`: the static bars of the paper."""
 
 import argparse
 from typing import Any
@@ -11,21 +11,42 @@ from .common import Job, write_out
 def add(scenes: Any) -> None:
     """Add the bars to the scenes of `run`."""
     bar = argparse.ArgumentParser(add_help=False)
-    bar.add_argument("--N", type=float, default=3.0, help="horizon over spacing (default 3)")
+    bar.add_argument("--N", type=float, default=3.0, help="horizon over spacing [-] (default 3)")
     bar.add_argument("--m", type=float, default=1.0, help="order of the Seth–Hill strain (default 1)")
-    bar.add_argument("--method", default="newton", help="newton, newton_krylov, trust_region, relaxation")
-    bar.add_argument("--json", action="store_true", help="print one JSON object instead of text")
-    job = scenes.add_parser("singular-bar", parents=[bar], help="bar of vanishing modulus under a stress")
-    job.add_argument("--n", type=int, default=400, help="points (default 400)")
-    job.add_argument("--stress", type=float, nargs="+", default=[1e-3, -1e-5], help="σ/E₀ (default 1e-3 -1e-5)")
-    job.add_argument("--alpha", type=float, default=10.0, help="strength of the singularity (default 10)")
-    job.add_argument("--model", nargs="+", default=["seth-hill", "correspondence"], help="seth-hill, correspondence")
-    job.add_argument("--out", default="singular-bar", help="name of the files without ending (default singular-bar)")
-    job = scenes.add_parser("step-bar", parents=[bar], help="bar whose ends are displaced at once")
-    job.add_argument("--n", type=int, default=100, help="points (default 100)")
-    job.add_argument("--strain", type=float, nargs="+", default=[1.0, -1e-4, -1e-3], help="default 1 -0.0001 -0.001")
-    job.add_argument("--model", nargs="+", default=["seth-hill"], help="seth-hill, correspondence")
-    job.add_argument("--out", default="step-bar", help="name of the files without ending (default step-bar)")
+    bar.add_argument(
+        "--method", default="newton", help="solver: newton, newton_krylov, trust_region or relaxation (default newton)"
+    )
+    bar.add_argument("--json", action="store_true", help="print the results as one JSON object")
+    job = scenes.add_parser(
+        "singular-bar", parents=[bar], help="bar under stress whose modulus drops to zero at mid-length"
+    )
+    job.add_argument("--n", type=int, default=400, help="number of points (default 400)")
+    job.add_argument(
+        "--stress", type=float, nargs="+", default=[1e-3, -1e-5], help="stresses σ/E₀ [-] (default 1e-3 -1e-5)"
+    )
+    job.add_argument("--alpha", type=float, default=10.0, help="strength α of the singularity [-] (default 10)")
+    job.add_argument(
+        "--model",
+        nargs="+",
+        default=["seth-hill", "correspondence"],
+        help="models: seth-hill, correspondence (default both)",
+    )
+    job.add_argument(
+        "--out", default="singular-bar", help="name of the output files, without extension (default singular-bar)"
+    )
+    job = scenes.add_parser("step-bar", parents=[bar], help="bar whose ends are displaced in a single step")
+    job.add_argument("--n", type=int, default=100, help="number of points (default 100)")
+    job.add_argument(
+        "--strain",
+        type=float,
+        nargs="+",
+        default=[1.0, -1e-4, -1e-3],
+        help="strains of the bar [-] (default 1 -0.0001 -0.001)",
+    )
+    job.add_argument(
+        "--model", nargs="+", default=["seth-hill"], help="models: seth-hill, correspondence (default seth-hill)"
+    )
+    job.add_argument("--out", default="step-bar", help="name of the output files, without extension (default step-bar)")
 
 
 def _bar_model(name: str, m: float):
@@ -38,23 +59,23 @@ def _bar_model(name: str, m: float):
 
 
 def _say(what: str, result, error: float) -> str:
-    """A verdict on one solution in a few lines."""
+    """Describe one solution in a few lines."""
     state = f"converged in {result.iterations} iterations" if result.converged else f"NOT converged: {result.reason}"
     lines = [f"{what}: {state}; relative residual {result.residual:.1e}"]
     if result.stability is not None:
         count = result.stability.positive
         kind = (
-            f"a {result.kind}" if result.converged else "no equilibrium; there the Jacobian is " + (result.kind or "")
+            f"a {result.kind}" if result.converged else f"no equilibrium; the Jacobian is that of a {result.kind or ''}"
         )
         lines.append(f"  {kind}: largest eigenvalue {result.stability.eigenvalue:+.4g}, {count} positive")
-    lines.append(f"  distance from the known solution {error:.2%} (relative, root mean square)")
+    lines.append(f"  relative difference from the closed-form solution, root mean square: {error:.2%}")
     if int(result.turned):
-        lines.append(f"  {int(result.turned)} bonds turned backwards: matter passed through itself")
+        lines.append(f"  {int(result.turned)} bonds point backwards: matter has passed through itself")
     return "\n".join(lines)
 
 
 def run(arguments: argparse.Namespace) -> Job:
-    """Solve the bar under every load, judge what was found, draw it."""
+    """Solve the bar for every model and load, and print the verdicts. Return them with a function that draws."""
     import pdjax as pd
     from pdjax._internal.checks import writable
     from pdjax.studies.bars import bar_case, singular_curves

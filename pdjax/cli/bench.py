@@ -1,4 +1,4 @@
-"""`pdjax bench`: the measured cases on the command line."""
+"""`pdjax bench`: speed and accuracy, measured on this machine."""
 
 import argparse
 from pathlib import Path
@@ -8,29 +8,31 @@ from .common import Job
 
 
 def add(jobs: Any, formatter: Any) -> None:
-    """The arguments of the job."""
+    """Add the command and its arguments."""
     job = jobs.add_parser(
         "bench",
         formatter_class=formatter,
-        help="speed against accuracy, measured on this machine: JSON and PNG for each case",
-        description="Measure the cases. Writes DIR/CASE.json, row by row, and DIR/CASE.png; a run that was stopped goes"
-        "\non with the missing rows. Rows of another machine, other versions or other settings are not mixed in.",
+        help="speed and accuracy of the numerical methods, measured on this machine",
+        description="Measure speed and accuracy of the numerical methods, case by case. The command writes"
+        "\nDIR/CASE.json and DIR/CASE.png. It saves each row as soon as it is measured, so that an interrupted run"
+        "\ncontinues with the missing rows. It refuses a file with rows of another machine, other versions or other"
+        "\nsettings.",
     )
-    job.add_argument("case", nargs="*", help="names of cases (default: all; a wrong name lists them)")
-    job.add_argument("--quick", action="store_true", help="small sizes, to see that all works: files CASE-quick.*")
-    job.add_argument("--out", default="pdjax-bench", metavar="DIR", help="folder of the files (default pdjax-bench)")
-    job.add_argument("--list", action="store_true", help="say which cases there are, measure nothing")
+    job.add_argument("case", nargs="*", help="names of cases (default: all; see --list)")
+    job.add_argument("--quick", action="store_true", help="small sizes, as a test; writes CASE-quick.*")
+    job.add_argument("--out", default="pdjax-bench", metavar="DIR", help="output folder (default pdjax-bench)")
+    job.add_argument("--list", action="store_true", help="list the cases and stop")
     job.add_argument(
         "--device-report",
         action="store_true",
-        help="measure the device's own bandwidth and flops too, keep all in DIR/DEVICE, and write what fraction of"
-        " them each row achieves",
+        help="also measure the memory bandwidth and arithmetic rate of the device, and report which fraction of them"
+        " each row reaches; writes to DIR/DEVICE",
     )
-    job.add_argument("--json", action="store_true", help="print one JSON object instead of text")
+    job.add_argument("--json", action="store_true", help="print the results as one JSON object")
 
 
 def run(arguments: argparse.Namespace) -> Job:
-    """Do the job; the files are written as the cases finish."""
+    """Measure the cases. Each file is written while its case runs."""
     from ..bench.cases import CASES
     from ..bench.device import ROOFS, device_name, report
     from ..bench.harness import run_case
@@ -57,7 +59,7 @@ def run(arguments: argparse.Namespace) -> Job:
     for name in names:
         try:
             record = run_case(name, CASES[name], folder, arguments.quick, say)
-        except ValueError as error:  # a file that is not ours to go on with: the other cases are measured all the same
+        except ValueError as error:  # this case's file belongs to another setting; measure the other cases
             refused.append(f"{name}: {error}")
             continue
         done[name] = {"rows": len(record["rows"]), "left_out": record["left_out"]}

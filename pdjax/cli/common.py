@@ -1,4 +1,4 @@
-"""What the commands share: the parser, the arguments of a lattice, tables of critical loads, files written whole."""
+"""Parts that the commands share: the parser, arguments of a lattice, tables of critical loads, output files."""
 
 import argparse
 import math
@@ -11,44 +11,44 @@ import numpy as np
 from .._internal.checks import written_whole
 from .._internal.pictures import write_picture
 
-Job = tuple[dict, Callable[[], str] | None]  # what was found; what writes the files and says which
+Job = tuple[dict, Callable[[], str] | None]  # the results, and a function that writes the files and returns a message
 
 
 class Parser(argparse.ArgumentParser):
-    """Says how a value that starts with a minus sign is written."""
+    """Parser whose error message explains how to pass a value that starts with a minus sign."""
 
     def error(self, message: str):
-        """Print the usage and the message, and leave with status 2."""
+        """Print the usage and the message, and exit with status 2."""
         hint = "" if "expected one argument" not in message else " (before a minus sign write =, as in --a=-0.1:0.1:81)"
         super().error(message + hint)
 
 
 def lattice_arguments() -> Parser:
-    """The arguments of the commands about a Seth–Hill model on a lattice."""
+    """Make the arguments of the commands about a Seth–Hill model on a lattice."""
     common = Parser(add_help=False)
-    common.add_argument("--dim", type=int, default=2, choices=(1, 2, 3), help="dimension (default 2)")
-    common.add_argument("--N", type=float, default=3.0, help="horizon over lattice spacing (default 3)")
+    common.add_argument("--dim", type=int, default=2, choices=(1, 2, 3), help="number of space dimensions (default 2)")
+    common.add_argument("--N", type=float, default=3.0, help="horizon over lattice spacing [-] (default 3)")
     common.add_argument("--lam", type=float, default=1.0, help="first Lamé constant of the linear law (default 1)")
     common.add_argument("--mu", type=float, default=1.0, help="shear modulus of the linear law (default 1)")
     common.add_argument(
         "--influence",
         default="constant",
         choices=("constant", "inverse_distance", "linear", "cubic_spline", "gaussian"),
-        help="influence function of the bonds (default constant)",
+        help="influence function of the bonds; linear is 1 - r/horizon (default constant)",
     )
     common.add_argument(
         "--path",
         default="hydrostatic",
         choices=("hydrostatic", "uniaxial-strain", "uniaxial-stress", "simple-shear"),
-        help="load path F(a) (default hydrostatic)",
+        help="load path: the deformation gradient F as a function of the load a (default hydrostatic)",
     )
-    common.add_argument("--resolution", type=int, help="grid intervals over half the Brillouin zone (default 8 N)")
-    common.add_argument("--json", action="store_true", help="print one JSON object instead of text")
+    common.add_argument("--resolution", type=int, help="intervals of the search grid from 0 to π/spacing (default 8 N)")
+    common.add_argument("--json", action="store_true", help="print the results as one JSON object")
     return common
 
 
 def setting(arguments) -> tuple[Any, Any, Any]:
-    """The law, the load path and the influence function that the arguments name."""
+    """Return the law, the load path and the influence function that the arguments name."""
     import pdjax as pd
 
     law = pd.LinearElastic(lam=arguments.lam, mu=arguments.mu)  # type: ignore[call-arg]
@@ -57,12 +57,12 @@ def setting(arguments) -> tuple[Any, Any, Any]:
 
 
 def number(x: float) -> str:
-    """A critical load as the table shows it."""
+    """Format a critical load for the table."""
     return f"{x:+.4f}" if math.isfinite(x) and x != 0 else {0.0: "0"}.get(x, "none" if math.isinf(x) else "undefined")
 
 
 def critical_table(rows: list[dict]) -> str:
-    """Critical loads: a line for each order, two columns for each criterion."""
+    """Format critical loads: a line for each order, two columns for each criterion."""
     criteria = list(dict.fromkeys(row["criterion"] for row in rows))
     orders = list(dict.fromkeys(row["m"] for row in rows))
     at = {(r["m"], r["criterion"], r["side"]): number(r["a_cr"]) for r in rows}
@@ -77,7 +77,7 @@ def critical_table(rows: list[dict]) -> str:
 
 
 def critical_rows(orders, names, law, path, influence, arguments) -> list[dict]:
-    """Critical loads of Seth–Hill models on both sides of the path, by every named criterion."""
+    """Compute critical loads of Seth–Hill models on both sides of the path, by every named criterion."""
     import pdjax as pd
 
     family = pd.lattice_family(arguments.dim, arguments.N, influence=influence)
@@ -97,7 +97,7 @@ def critical_rows(orders, names, law, path, influence, arguments) -> list[dict]:
 
 
 def write_out(draw: Callable[[], Any], picture: Path, arrays: dict[str, Any], data: Path) -> str:
-    """The numbers, then the figure drawn of them, each whole or not there; what was written, in words."""
+    """Write the arrays and then the figure, and return a message. Each file is written completely or not at all."""
     with written_whole(data) as stream:
         np.savez(stream, **arrays)
     write_picture(draw(), picture)

@@ -12,21 +12,25 @@ def add(jobs: Any, formatter: Any) -> None:
         "critical",
         parents=[lattice_arguments()],
         formatter_class=formatter,
-        help="critical loads by every criterion",
-        description="The load at which each criterion first fails, on both sides of the path: 0 means at once,"
-        "\nnone that it does not within -90 % to +100 %.",
+        help="critical loads by several stability criteria",
+        description="Compute the load at which each stability criterion of a Seth–Hill model first fails, in"
+        "\ncompression and in tension. The criterion symbol is exact. The other criteria are cheaper tests. The table"
+        "\nshows 0 where a criterion fails at any load, however small, and none where it does not fail from -90 % to"
+        "\n+100 %.",
     )
-    job.add_argument("--m", type=float, nargs="+", default=[0.0, 1.0], help="orders (default 0 1)")
-    job.add_argument("--criterion", nargs="+", help="criteria (default: symbol and the cheap ones)")
+    job.add_argument(
+        "--m", type=float, nargs="+", default=[0.0, 1.0], help="orders m of the Seth–Hill strain (default 0 1)"
+    )
+    job.add_argument("--criterion", nargs="+", help="criteria (default symbol block diagonal continuum)")
 
 
 def run(arguments: argparse.Namespace) -> Job:
-    """Find the critical loads and print them."""
+    """Compute the critical loads and print them."""
     law, path, influence = setting(arguments)
     names = arguments.criterion or ["symbol", "block", "diagonal", "continuum"]
     rows = critical_rows(arguments.m, names, law, path, influence, arguments)
     if not arguments.json:
         print(f"{arguments.dim}D, N = {arguments.N:g}, {arguments.path}: critical loads a [-]")
-        print("(0: unstable at once; none: not within -0.9 to 1; states that are marginal count as not unstable)")
+        print("(0: unstable for any load; none: no failure from -0.9 to 1; marginal states do not count as unstable)")
         print(critical_table(rows))
     return {"critical_loads": rows}, None

@@ -1,4 +1,4 @@
-"""`pdjax run cuboid`: a body in 3D, pulled and pushed by its ends."""
+"""`pdjax run cuboid`: the paper's cuboid, pulled and pushed at its ends."""
 
 import argparse
 from pathlib import Path
@@ -14,19 +14,31 @@ from .motions import model as named_model
 def add(scenes: Any) -> None:
     """Add `cuboid` to the scenes of `run`."""
     job = scenes.add_parser(
-        "cuboid", parents=[moving_arguments()], help="a 3D body pulled or pushed by its ends, explicit in time"
+        "cuboid", parents=[moving_arguments()], help="3D body pulled or pushed at its ends, with explicit dynamics"
     )
-    job.add_argument("--shape", type=int, nargs=3, default=[28, 7, 7], help="cells along x, y, z (default 28 7 7)")
-    job.add_argument("--m", type=float, default=0.0, help="order of the Seth–Hill strain (default 0, the paper's)")
-    job.add_argument("--model", default="seth-hill", help="seth-hill or correspondence (default seth-hill)")
-    job.add_argument("--strain", type=float, nargs="+", default=[0.1, -0.1], help="of the ends (default 0.1 -0.1)")
-    job.add_argument("--rate", type=float, default=0.005, help="strain rate, over the unit of time (default 0.005)")
-    job.add_argument("--checkpoint", metavar="FILE", help="write and, where it exists, go on from FILE-STRAIN.npz")
-    job.add_argument("--out", default="cuboid", help="name of the files without ending (default cuboid)")
+    job.add_argument(
+        "--shape", type=int, nargs=3, default=[28, 7, 7], help="numbers of points along x, y, z (default 28 7 7)"
+    )
+    job.add_argument(
+        "--m", type=float, default=0.0, help="order m of the Seth–Hill strain (default 0, as in the paper)"
+    )
+    job.add_argument("--model", default="seth-hill", help="model: seth-hill or correspondence (default seth-hill)")
+    job.add_argument(
+        "--strain",
+        type=float,
+        nargs="+",
+        default=[0.1, -0.1],
+        help="final strains of the cuboid [-] (default 0.1 -0.1)",
+    )
+    job.add_argument("--rate", type=float, default=0.005, help="strain rate [1/time], > 0 (default 0.005)")
+    job.add_argument(
+        "--checkpoint", metavar="FILE", help="save the state to FILE-STRAIN.npz, and continue from it if it exists"
+    )
+    job.add_argument("--out", default="cuboid", help="name of the output files, without extension (default cuboid)")
 
 
 def run(arguments: argparse.Namespace) -> Job:
-    """Pull and push the cuboid; what was found, and what writes the files."""
+    """Pull and push the cuboid and print the results. Return them with a function that writes the files."""
     import pdjax as pd
     from pdjax.scenes.alternation import roughness
 
@@ -83,7 +95,7 @@ def run(arguments: argparse.Namespace) -> Job:
             films.append((extras(arguments, f"-{strain:g}"), scene, history))
         if not arguments.json:
             print(f"{name}: {history}")
-            print(f"  force through the middle {force[-1]:+.4f} E₀ A, where a classical bar has {reached[-1]:+.4f}")
+            print(f"  force through the middle {force[-1]:+.4f} E₀ A, classical bar {reached[-1]:+.4f} E₀ A")
             print("  alternation between neighbours / h: " + ", ".join(f"u_{a} {v[-1]:.1e}" for a, v in rough.items()))
     which = f"m = {arguments.m:g}" if arguments.model == "seth-hill" else "Silling's correspondence"
     title = f"cuboid of {' × '.join(map(str, arguments.shape))} points, N = {arguments.N:g}, {which}"

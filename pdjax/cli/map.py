@@ -1,4 +1,4 @@
-"""`pdjax map`: regions of stability over order and load."""
+"""`pdjax map`: a stability map over the order of the Seth–Hill strain and the load."""
 
 import argparse
 import sys
@@ -11,11 +11,11 @@ from .._internal.checks import writable
 from .._internal.pictures import write_picture
 from .common import Job, critical_rows, critical_table, lattice_arguments, setting
 
-FIRST = 1024  # states that a first picture of a map needs
+FIRST = 1024  # a map of at least 16 times this number of states starts with a coarse preview
 
 
 def number_range(text: str) -> np.ndarray:
-    """lo:hi:count → an even grid."""
+    """Parse lo:hi:count into an evenly spaced grid."""
     try:
         low, high, count = text.split(":")
         values = np.linspace(float(low), float(high), int(count))
@@ -32,22 +32,27 @@ def add(jobs: Any, formatter: Any) -> None:
         "map",
         parents=[lattice_arguments()],
         formatter_class=formatter,
-        help="regions of stability over order m and load a: PNG, npz, table of critical loads",
-        description="Draw where the Seth–Hill model of order m is stable under the load a: exactly, by the symbol,"
-        "\nwith the lines of the cheaper criteria. Writes OUT.png and OUT.npz and prints critical loads.",
+        help="stability map over the order m and the load a, with a table of critical loads",
+        description="Draw a map of where the Seth–Hill model of order m is stable under the load a. The verdicts come"
+        "\nfrom the symbol, searched over all waves. Lines show where cheaper criteria fail. The command writes OUT.png"
+        "\nand OUT.npz and prints critical loads.",
     )
     job.add_argument(
         "--m",
         type=number_range,
         default="-2:2:200",
-        help="orders lo:hi:count, = before a minus sign (default --m=-2:2:200)",
+        help="orders m as lo:hi:count; write = before a minus sign (default --m=-2:2:200)",
     )
-    job.add_argument("--a", type=number_range, default="-0.3:0.3:200", help="loads lo:hi:count (default -0.3:0.3:200)")
-    job.add_argument("--out", default="pdjax-map", help="name of the files without ending (default pdjax-map)")
+    job.add_argument(
+        "--a", type=number_range, default="-0.3:0.3:200", help="loads a [-] as lo:hi:count (default -0.3:0.3:200)"
+    )
+    job.add_argument(
+        "--out", default="pdjax-map", help="name of the output files, without extension (default pdjax-map)"
+    )
 
 
 def run(arguments: argparse.Namespace) -> Job:
-    """Compute the map; say what was found, and what writes the files."""
+    """Compute the map and print the results. Return them with a function that writes the picture."""
     import pdjax as pd
 
     law, path, influence = setting(arguments)
@@ -55,7 +60,7 @@ def run(arguments: argparse.Namespace) -> Job:
     start = time.perf_counter()
     rest = {"N": arguments.N, "dim": arguments.dim, "law": law, "path": path}
     rest |= {"influence": influence, "resolution": arguments.resolution}
-    if arguments.m.size * arguments.a.size >= 16 * FIRST:  # a picture soon, of every fourth m and a; then the map
+    if arguments.m.size * arguments.a.size >= 16 * FIRST:  # show every fourth m and a first
         first = pd.stability_map(arguments.m[::4], arguments.a[::4], **rest)
         drawn = pd.figures.stability_map(first)
         drawn.suptitle("Coarse preview: every fourth order and load; the whole map follows", color="#B00020")
@@ -72,7 +77,7 @@ def run(arguments: argparse.Namespace) -> Job:
     if not arguments.json:
         print(f"{arguments.dim}D, N = {arguments.N:g}, {arguments.path}, {grid.margin.size} states in {seconds:.1f} s")
         print("by the symbol: " + ", ".join(f"{share:.1%} {word}" for word, share in shares.items()) + "\n")
-        print("critical loads a [-] (0: unstable at once; none: not within -0.9 to 1)")
+        print("critical loads a [-] (0: unstable for any load; none: no failure from -0.9 to 1)")
         print(critical_table(rows) + "\n")
     out = {
         "figure": str(picture),

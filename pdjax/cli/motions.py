@@ -1,4 +1,4 @@
-"""What the scenes that move share: their arguments, model, films and files for ParaView."""
+"""Parts that the moving scenes share: arguments, model, animations and files for ParaView."""
 
 import argparse
 import shutil
@@ -7,24 +7,26 @@ from typing import Any
 
 
 def moving_arguments() -> argparse.ArgumentParser:
-    """The arguments of `cuboid` and `wave`."""
+    """Make the arguments of `cuboid` and `wave`."""
     common = argparse.ArgumentParser(add_help=False)
-    common.add_argument("--N", type=float, default=3.0, help="horizon over spacing (default 3)")
+    common.add_argument("--N", type=float, default=3.0, help="horizon over spacing [-] (default 3)")
     common.add_argument("--lam", type=float, default=1.0, help="first Lamé constant of the linear law (default 1)")
     common.add_argument(
         "--mu", type=float, default=1.0, help="shear modulus of the linear law (default 1; unused in 1D)"
     )
     common.add_argument(
-        "--dt", type=float, help="time step (default 0.8 of the critical one, for a wave at most 1/300 period)"
+        "--dt",
+        type=float,
+        help="time step [time] (default 0.8 of the critical step, for a wave at most 1/300 of a period)",
     )
-    common.add_argument("--animate", metavar="FILE", help="also a moving picture, FILE.gif (or .mp4 with ffmpeg)")
-    common.add_argument("--vtk", metavar="NAME", help="also files for ParaView, NAME.vtu.series (needs meshio)")
-    common.add_argument("--json", action="store_true", help="print one JSON object instead of text")
+    common.add_argument("--animate", metavar="FILE", help="also write an animation: FILE.gif, or FILE.mp4 with ffmpeg")
+    common.add_argument("--vtk", metavar="NAME", help="also write NAME.vtu.series for ParaView (needs meshio)")
+    common.add_argument("--json", action="store_true", help="print the results as one JSON object")
     return common
 
 
 def model(arguments: argparse.Namespace, dim: int) -> Any:
-    """The material model that the arguments name."""
+    """Return the material model that the arguments name."""
     import pdjax as pd
     from pdjax._internal.checks import choice
 
@@ -34,7 +36,7 @@ def model(arguments: argparse.Namespace, dim: int) -> Any:
 
 
 def extras(arguments, name: str) -> dict[str, str]:
-    """Pictures and files that were asked for beside the figure."""
+    """Names of the animation and the VTK files, if they were requested."""
     out = {}
     if arguments.animate:
         file = Path(arguments.animate)
@@ -45,7 +47,7 @@ def extras(arguments, name: str) -> dict[str, str]:
 
 
 def write_extras(extras: dict[str, str], scene, history) -> str:
-    """Write them; which, in words."""
+    """Write the animation and the VTK files, and return their names for the message."""
     import pdjax as pd
     from pdjax.files.vtk import write_vtk
 
@@ -57,11 +59,11 @@ def write_extras(extras: dict[str, str], scene, history) -> str:
 
 
 def check_outputs(arguments) -> tuple[Path, Path]:
-    """Every file that will be written, looked at before the run."""
+    """Check before the run that every output file can be written. Return the picture and the data file."""
     from pdjax._internal.checks import writable
 
     if arguments.animate and Path(arguments.animate).suffix not in (".gif", ".mp4"):
-        raise ValueError(f"--animate takes a .gif or an .mp4; got {arguments.animate!r}")
+        raise ValueError(f"--animate must name a .gif or an .mp4 file; got {arguments.animate!r}")
     if arguments.animate and Path(arguments.animate).suffix == ".mp4" and shutil.which("ffmpeg") is None:
         raise ValueError("--animate to an .mp4 needs the program ffmpeg, which is not installed; name a .gif instead")
     for extra in (arguments.animate, arguments.vtk):
@@ -71,6 +73,6 @@ def check_outputs(arguments) -> tuple[Path, Path]:
         import importlib.util
 
         if importlib.util.find_spec("meshio") is None:
-            raise ValueError("--vtk needs meshio: pip install meshio")
+            raise ValueError("--vtk needs meshio, which is not installed; install it with pip install meshio")
     picture, data = (writable(f"{arguments.out}.{ending}") for ending in ("png", "npz"))
     return picture, data

@@ -1,4 +1,4 @@
-"""`pdjax paper`: the figures and claims of the paper on the command line."""
+"""`pdjax paper`: reproduce the figures of the paper and test its claims."""
 
 import argparse
 import sys
@@ -10,24 +10,27 @@ from .common import Job
 
 
 def add(jobs: Any, formatter: Any) -> None:
-    """The arguments of the job."""
+    """Add the command and its arguments."""
     job = jobs.add_parser(
         "paper",
         formatter_class=formatter,
-        help="the paper's figures and claims, each with what the exact Jacobian says of it",
-        description="Make every figure of the paper and try its claims. Writes DIR/paper-FIGURE.png, and paper.json and"
-        "\npaper.md, kept up to date figure by figure: what is finished stays, and the next run goes on with the rest."
-        "\n(Delete a picture to have it made again.)",
+        help="figures and claims of the paper, checked with the exact Jacobian",
+        description="Make every figure of the paper by Behzadinasab and Foster (2020) and test its claims with the"
+        "\nexact Jacobian. The command writes DIR/paper-FIGURE.png, DIR/paper.json and DIR/paper.md. It updates them"
+        "\nafter each figure, so that an interrupted run continues with the missing figures. Delete a picture to make"
+        "\nit again.",
     )
     job.add_argument("--figure", nargs="+", metavar="NAME", help="figures to make (default: all; see --list)")
-    job.add_argument("--out", metavar="DIR", help="directory (default pdjax-paper, or pdjax-paper-quick)")
-    job.add_argument("--quick", action="store_true", help="reduced sizes, said on each figure: two minutes")
+    job.add_argument("--out", metavar="DIR", help="output directory (default pdjax-paper, or pdjax-paper-quick)")
+    job.add_argument(
+        "--quick", action="store_true", help="reduced sizes, noted on each figure; takes about two minutes"
+    )
     job.add_argument("--list", action="store_true", help="list the figures and stop")
-    job.add_argument("--json", action="store_true", help="print one JSON object instead of text")
+    job.add_argument("--json", action="store_true", help="print the results as one JSON object")
 
 
 def run(arguments: argparse.Namespace) -> Job:
-    """Do the job: what goes to --json; every file is written on the way."""
+    """Make the figures and test the claims. Every file is written as soon as its figure is ready."""
     from .._internal.checks import choice
     from ..studies.paper import FIGURES, making, results
 
@@ -53,12 +56,12 @@ def run(arguments: argparse.Namespace) -> Job:
     mine = [row for row in found["claims"] if row["figure"] in names]
     if not arguments.json:
         print("\n" + table(mine))
-        print(f"\n{results.counts({'claims': mine})}; {out / 'paper.md'} has it with the tests that hold it")
+        print(f"\n{results.counts({'claims': mine})}; {out / 'paper.md'} lists them with the tests that check them")
     return {"out": str(out), "claims": mine, "figures": found["figures"]}, None
 
 
 def directory(out: Path) -> Path:
-    """`out`, made if it is not there and a file can be written in it; OSError now rather than after the figures."""
+    """Make the directory `out` if needed. Raise OSError now, not after the figures, if it can't be written."""
     from .._internal.checks import writable
 
     if out.exists() and not out.is_dir():
@@ -75,7 +78,7 @@ def directory(out: Path) -> Path:
 
 
 def table(rows: list[dict]) -> str:
-    """The claims for a terminal: three lines each."""
+    """Format the claims for a terminal, in four lines each."""
     return "\n".join(
         f"{row['verdict'].upper():<10} {row['claim']} ({row['where']})\n"
         f"{'':<10} paper: {row['paper']}\n{'':<10} ours:  {row['ours']}\n{'':<10} {row['command']}"

@@ -1,4 +1,4 @@
-"""`pdjax run SCENE`: a scene, solved or run, judged and drawn."""
+"""`pdjax run SCENE`: solve or simulate a scene, judge the result and draw it."""
 
 import argparse
 from typing import Any
@@ -14,8 +14,9 @@ def add(jobs: Any, formatter: Any) -> None:
     parser = jobs.add_parser(
         "run",
         formatter_class=formatter,
-        help="a scene: singular-bar, step-bar, cuboid or wave",
-        description="Solve or run a scene, judge what was found, draw it. Writes OUT.png and OUT.npz.",
+        help="solve or simulate a body: singular-bar, step-bar, cuboid or wave",
+        description="Solve a static scene or simulate a moving one, judge the result and draw it. The command writes"
+        "\nOUT.png and OUT.npz. `pdjax run SCENE --help` explains the options of a scene.",
     )
     scenes = parser.add_subparsers(dest="scene", required=True, metavar="scene")
     for module in dict.fromkeys(SCENES.values()):
@@ -23,5 +24,5 @@ def add(jobs: Any, formatter: Any) -> None:
 
 
 def run(arguments: argparse.Namespace) -> Job:
-    """Run the scene that was asked for."""
+    """Run the named scene."""
     return SCENES[arguments.scene].run(arguments)

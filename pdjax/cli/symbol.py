@@ -1,4 +1,4 @@
-"""`pdjax symbol`: one state, its verdict and its spectrum."""
+"""`pdjax symbol`: verdict and spectrum of one homogeneous state."""
 
 import argparse
 import itertools
@@ -23,16 +23,17 @@ def add(jobs: Any, formatter: Any) -> None:
         "symbol",
         parents=[lattice_arguments()],
         formatter_class=formatter,
-        help="one state: verdict, deciding wave, spectrum along the zone's edges",
-        description="The exact verdict on one homogeneous state, and the spectrum of its symbol.",
+        help="one state: verdict, most unstable wave, spectrum along the edges of the Brillouin zone",
+        description="Judge the stability of one homogeneous state of the Seth–Hill model and draw the spectrum of its"
+        "\nsymbol. The symbol gives the frequency or the growth rate of every plane wave on the infinite lattice.",
     )
     job.add_argument("--m", type=float, default=1.0, help="order of the Seth–Hill strain (default 1)")
-    job.add_argument("--a", type=float, default=-0.01, help="load (default -0.01)")
-    job.add_argument("--out", help="also draw the spectrum along the edges of the Brillouin zone to this PNG")
+    job.add_argument("--a", type=float, default=-0.01, help="load a [-], negative in compression (default -0.01)")
+    job.add_argument("--out", help="PNG file for a figure of the spectrum (default: no figure)")
 
 
 def run(arguments: argparse.Namespace) -> Job:
-    """Judge the state; draw its spectrum if a file is named."""
+    """Judge the state and print the result. Draw the spectrum if a file is named."""
     import jax.numpy as jnp
 
     import pdjax as pd
@@ -41,7 +42,7 @@ def run(arguments: argparse.Namespace) -> Job:
     picture = writable(arguments.out) if arguments.out else None
     family = pd.lattice_family(arguments.dim, arguments.N, influence=influence)
     model = pd.SethHill(arguments.m, law)
-    pd.force_state(model, family, np.eye(arguments.dim))  # a singular family is refused before its path is asked
+    pd.force_state(model, family, np.eye(arguments.dim))  # checks the family before the path uses it
     F = path(arguments.a, model, family)
     result = pd.stability(model, family, F, "symbol", arguments.resolution)
     corners = np.array([corner for _, corner in _CORNERS[arguments.dim]]) * np.pi
@@ -67,9 +68,9 @@ def run(arguments: argparse.Namespace) -> Job:
         mode = ", ".join(f"{x:.4f}" for x in np.asarray(result.mode))
         print(f"{result.verdict}: margin {out['margin']:+.6e} (zero within {out['tolerance']:.0e})")
         print(f"wave vector ({k}) π/h, mode ({mode})")
-        print(f"eigenvalue {out['eigenvalue']:+.6e} (spacing 1, unit of lam), λ h²/M {out['eigenvalue'] / unit:+.6e}")
-        print(f"M = {unit:g}, the lattice's λ + 2μ at rest")
-        print(f"zone grid: {result.resolution} intervals from 0 to π/h")
+        print(f"eigenvalue λ {out['eigenvalue']:+.6e} (for h = 1, unit of lam), λ h²/M {out['eigenvalue'] / unit:+.6e}")
+        print(f"P-wave modulus M = λ + 2μ of the undeformed lattice: {unit:g}")
+        print(f"search grid: {result.resolution} intervals from 0 to π/h")
 
     def files() -> str:
         assert picture is not None

@@ -1,4 +1,4 @@
-"""`pdjax run wave`: a plane wave on a periodic lattice."""
+"""`pdjax run wave`: a plane wave on a periodic lattice, compared with the symbol."""
 
 import argparse
 from typing import Any
@@ -13,27 +13,40 @@ from .motions import model as named_model
 def add(scenes: Any) -> None:
     """Add `wave` to the scenes of `run`."""
     job = scenes.add_parser(
-        "wave", parents=[moving_arguments()], help="a plane wave on a periodic lattice, and its frequency or growth"
+        "wave", parents=[moving_arguments()], help="plane wave on a periodic lattice: its frequency or growth rate"
     )
-    job.add_argument("--dim", type=int, default=1, choices=(1, 2, 3), help="dimension (default 1)")
-    job.add_argument("--n", type=int, default=40, help="points along each side (default 40)")
-    job.add_argument("--j", type=int, nargs="+", default=[4], help="wave lengths along each side (default 4)")
-    job.add_argument("--m", type=float, default=1.0, help="order of the Seth–Hill strain (default 1)")
-    job.add_argument("--model", default="seth-hill", help="seth-hill or correspondence (default seth-hill)")
-    job.add_argument("--a", type=float, default=0.0, help="hydrostatic strain below the wave (default 0)")
-    job.add_argument("--u0", type=float, default=1e-6, help="amplitude over spacing (default 1e-6)")
-    job.add_argument("--branch", type=int, default=-1, help="0 the slowest (or growing), −1 the fastest (default)")
+    job.add_argument("--dim", type=int, default=1, choices=(1, 2, 3), help="number of space dimensions (default 1)")
+    job.add_argument("--n", type=int, default=40, help="number of points along each side (default 40)")
+    job.add_argument("--j", type=int, nargs="+", default=[4], help="number of wavelengths along each side (default 4)")
+    job.add_argument("--m", type=float, default=1.0, help="order m of the Seth–Hill strain (default 1)")
+    job.add_argument("--model", default="seth-hill", help="model: seth-hill or correspondence (default seth-hill)")
+    job.add_argument(
+        "--a",
+        type=float,
+        default=0.0,
+        help="hydrostatic strain of the lattice [-], to which the wave is added (default 0)",
+    )
+    job.add_argument("--u0", type=float, default=1e-6, help="initial amplitude over spacing [-] (default 1e-6)")
+    job.add_argument(
+        "--branch",
+        type=int,
+        default=-1,
+        help="branch of the symbol: 0 is the slowest or growing, -1 the fastest (default -1)",
+    )
     job.add_argument(
         "--periods",
         type=float,
         default=4.0,
-        help="how long it runs (default 4 periods; a growing mode to 1 %% of the spacing)",
+        help="length of the run in periods (default 4); a growing mode runs until it reaches 1 %% of the spacing",
     )
-    job.add_argument("--out", default="wave", help="name of the files without ending (default wave)")
+    job.add_argument("--out", default="wave", help="name of the output files, without extension (default wave)")
 
 
 def run(arguments: argparse.Namespace) -> Job:
-    """Run a wave, measure its frequency or growth, beside the symbol's; what was found, what writes the files."""
+    """Simulate a wave and compare its frequency or growth rate with the symbol's.
+
+    Return the results with a function that writes the files.
+    """
     import pdjax as pd
 
     picture, data = check_outputs(arguments)
@@ -50,11 +63,11 @@ def run(arguments: argparse.Namespace) -> Job:
     omega, growth = (float(x[0, arguments.branch]) for x in (found.frequency, found.growth))
     zero_energy = bool(found.zero_energy[0, arguments.branch])
     dt = arguments.dt
-    if dt is None:  # 300 steps a period: Verlet's frequency is then right to 2e-5
+    if dt is None:  # with 300 steps a period the error of Verlet's frequency is 2e-5
         dt = min(0.8 * pd.critical_time_step(motion), 0.02 / (omega or growth or 1.0))
     history = pd.simulate(motion, dt=dt, show_progress=not arguments.json)
     size = np.asarray(pd.amplitude(history.u, motion.start))
-    # a run that blew up has no rate of its own
+    # A run that diverged has no rate to measure.
     measured = pd.measured_rate(history.times, size) if history.finished and len(size) > 2 else pd.Rate(np.nan, np.nan)
     own = pd.verlet_rate(pd.Rate(growth, omega), history.dt)
     law = {"symbol": np.cosh(growth * history.times) if growth else np.cos(omega * history.times)}
@@ -89,10 +102,10 @@ def run(arguments: argparse.Namespace) -> Job:
         if np.isfinite(measured.growth):
             print(f"  measured: frequency {measured.frequency:.8g}, growth {measured.growth:.8g}")
         if np.isfinite(own.frequency):
-            exact = f"(exact for its step {history.dt:.4g})"
-            print(f"  Verlet's: frequency {own.frequency:.8g}, growth {own.growth:.8g} {exact}")
+            exact = f"(exact for the step {history.dt:.4g})"
+            print(f"  Verlet:   frequency {own.frequency:.8g}, growth {own.growth:.8g} {exact}")
         else:
-            print(f"  Verlet's: none, its step {history.dt:.4g} is above the wave's own 2/ω = {2 / omega:.4g}")
+            print(f"  Verlet:   unstable, the step {history.dt:.4g} is above the wave's limit 2/ω = {2 / omega:.4g}")
         print(history)
 
     def files() -> str:

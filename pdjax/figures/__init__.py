@@ -1,7 +1,18 @@
-"""Figures: arrays in, a matplotlib Figure out. Imported when first used, by nothing else in the package."""
+"""Figures: functions that take arrays or results and return a matplotlib Figure.
+
+`import pdjax` does not load this module, because it needs matplotlib. The first use of `pd.figures` loads it. No
+function uses pyplot or another global state of matplotlib: `figure.savefig(path)` writes the picture.
+
+    maps and lattices  stability_map, dispersion, dispersion_curves, model_atlas
+    bodies             scene, field, bars
+    motions            motion, cuboid, animation
+    text               table
+    styles             COLOURS, LABELS, SERIES, STYLES
+"""
 
 from .atlas import model_atlas
 from .charts import COLOURS, LABELS, SERIES, STYLES, BarCase, bars, dispersion, stability_map
+from .fields import field, scene
 from .motions import Branch, animation, cuboid, dispersion_curves, motion
 from .tables import table
 
@@ -17,8 +28,10 @@ __all__ = [
     "cuboid",
     "dispersion",
     "dispersion_curves",
+    "field",
     "model_atlas",
     "motion",
+    "scene",
     "stability_map",
     "table",
 ]

@@ -1,4 +1,4 @@
-"""The atlas as one picture: a row for each model, a column for each lattice, path and side."""
+"""The atlas of models as one picture: a row for each model, a column for each dimension, path and side."""
 
 import itertools
 
@@ -15,6 +15,7 @@ _PLAIN = {"at once": "#B2182B", "never": "#F7F7F7", "marginal": "#D9D9D9", "none
 
 
 def _columns(atlas: Atlas, N: float) -> list[tuple[int, str, str]]:
+    """(dim, path, side) of every column."""
     dims = sorted({r["dim"] for r in atlas.records if r["N"] == N})
     out = []
     for dim in dims:
@@ -24,7 +25,7 @@ def _columns(atlas: Atlas, N: float) -> list[tuple[int, str, str]]:
 
 
 def _cell(record: dict | None, path: str, side: str) -> tuple[float | None, str, str]:
-    """(what is coloured by size, or None; a plain colour's name; text)."""
+    """(critical strain that sets the colour, or None; name of a plain colour; text) of one cell."""
     if record is None or "critical" not in record or path not in record["critical"]:
         return None, "none", "–"
     value, before = record["critical"][path][side]
@@ -38,7 +39,33 @@ def _cell(record: dict | None, path: str, side: str) -> tuple[float | None, str,
 
 
 def model_atlas(data: Atlas, N: float = 3.0) -> Figure:
-    """Critical strains [%] of every model at one horizon N."""
+    """Draw the critical strains of every model of an atlas, for one horizon.
+
+    Parameters
+    ----------
+    data : Atlas
+        Result of `pd.model_atlas`, or `pd.Atlas.load(path)`.
+    N : float
+        Horizon over spacing [-].
+
+    Returns
+    -------
+    Figure
+        A table of critical strains [%]. 0 means unstable at once, ∞ not unstable between −90 % and +100 %, – not
+        defined. A ring marks states that are marginal at smaller loads, because the model has zero-energy waves.
+
+    Raises
+    ------
+    ValueError
+        If the atlas holds nothing for this N.
+
+    Examples
+    --------
+    >>> critical = {"hydrostatic": {"compression": (-0.074, "stable"), "tension": (np.inf, "stable")}}
+    >>> atlas = pd.Atlas([{"model": "my model", "dim": 1, "N": 3.0, "critical": critical}])
+    >>> [text.get_text() for text in pd.figures.model_atlas(atlas).axes[0].texts][:2]
+    ['7.4', '∞']
+    """
     columns = _columns(data, N)
     names = list(dict.fromkeys(r["model"] for r in data.records if r["N"] == N))
     if not columns:
@@ -71,7 +98,7 @@ def model_atlas(data: Atlas, N: float = 3.0) -> Figure:
     axes.set_xlabel(
         f"N = {N:g}: critical strain [%] by the symbol, compression − and tension +\n"
         "0: unstable at once   ∞: not within −90, +100 %   –: not defined\n"
-        "○: marginal before it, waves that cost nothing",
+        "○: marginal at smaller loads (zero-energy waves)",
         fontsize=8,
     )
     return figure

@@ -1,7 +1,7 @@
-"""Maps, spectra and bars at rest: arrays in, a matplotlib Figure out.
+"""Stability maps, spectra and static bars: functions that take arrays and return a matplotlib Figure.
 
-The same colour means the same criterion everywhere (COLOURS, Okabe & Ito's colour-blind-safe set); orders, horizons,
-models and what is measured take theirs from SERIES (Tol's muted set), which has none of those.
+A colour of COLOURS means the same criterion in every figure (the colour-blind-safe set of Okabe & Ito). Orders,
+horizons, models and measured quantities have colours of SERIES (the muted set of Tol), which contains none of COLOURS.
 """
 
 from collections.abc import Sequence
@@ -58,7 +58,7 @@ def _percent(axis) -> None:
 
 
 def _regions(axes: Axes, m, a, words) -> None:
-    """Cells coloured by verdict."""
+    """Draw cells coloured by verdict."""
     codes = np.vectorize(_WORDS.index)(words)
     axes.pcolormesh(
         m,
@@ -73,7 +73,7 @@ def _regions(axes: Axes, m, a, words) -> None:
 
 
 def _zero(axes: Axes, m, a, values, colour: str, style) -> bool:
-    """Draw where `values` changes sign across the grid; False if it does not."""
+    """Draw the line on which `values` changes sign. Return False if there is none."""
     values = np.where(np.isfinite(values), values, np.nan)
     if not ((np.nanmin(values) < 0) & (np.nanmax(values) > 0)):
         return False
@@ -82,7 +82,7 @@ def _zero(axes: Axes, m, a, values, colour: str, style) -> bool:
 
 
 def _printed(grid: StabilityMap, N: float) -> np.ndarray | None:
-    """The paper's bracket over the grid where it prints one: hydrostatic load, linear law, 1D and 2D."""
+    """The bracket of the paper over the map, where the paper has one: hydrostatic load, linear law, 1D and 2D."""
     settings = grid.settings
     if settings.get("model", "SethHill by order") != "SethHill by order":
         return None
@@ -94,13 +94,13 @@ def _printed(grid: StabilityMap, N: float) -> np.ndarray | None:
     }.get(settings["dim"])
     if bracket is None:
         return None
-    # the paper's own branch at m = 0 is not the limit of the other: a lone column of it would draw a false spike
+    # The paper's branch at m = 0 is not the limit of the other branch. One column of it would draw a false spike.
     orders = np.where(grid.m == 0, 1e-9, grid.m)
     return np.array([np.asarray(bracket(grid.a, m)) for m in orders])
 
 
 def _one_row(grid: StabilityMap, horizon: int) -> Figure:
-    """Margins of every criterion along the axis of a map that has more than one value."""
+    """Draw the margins of every criterion along the axis of the map that has more than one value."""
     pick = (lambda x: x[horizon]) if grid.margin.ndim == 3 else (lambda x: x)
     settings, N = grid.settings, float(grid.N[horizon])
     by_load = len(grid.m) == 1
@@ -126,11 +126,33 @@ def _one_row(grid: StabilityMap, horizon: int) -> Figure:
 
 
 def stability_map(grid: StabilityMap, horizon: int = 0) -> Figure:
-    """The regions of a map at a glance: the exact verdict, and beside it the diagonal's where the map holds it.
+    """Draw the stable and unstable regions of a stability map over the order and the load.
 
-    Arguments: grid from `pdjax.stability_map`; horizon: which N, if the map has several.
-    Lines are where each criterion's margin is zero; the paper's printed criterion is dashed. A map of one order or of
-    one load is drawn as the margins along the other.
+    The left panel shows the verdict of the map's own criterion. If the map also holds the criterion "diagonal", a right
+    panel shows the verdict of the diagonal. A line marks where the margin of a criterion is zero. A dashed line marks
+    the criterion that the paper prints. A map with one order or one load is drawn as curves of the margin along the
+    other axis.
+
+    Parameters
+    ----------
+    grid : StabilityMap
+        Result of `pd.stability_map`.
+    horizon : int
+        Index of the horizon to draw, if the map has several.
+
+    Returns
+    -------
+    Figure
+        The figure.
+
+    Examples
+    --------
+    In 1D with m = 1, compression is unstable: half of this map.
+
+    >>> law = pd.LinearElastic(1.0, 0.0)
+    >>> grid = pd.stability_map([0.9, 1.0, 1.1], [-0.1, -0.05, 0.05, 0.1], N=2, dim=1, law=law, show_progress=False)
+    >>> pd.figures.stability_map(grid).axes[0].get_title()
+    'symbol (exact): 50% of this map unstable'
     """
     if min(len(grid.m), len(grid.a)) < 2:
         return _one_row(grid, horizon)
@@ -175,7 +197,7 @@ def stability_map(grid: StabilityMap, horizon: int = 0) -> Figure:
         on.set_ylim(grid.a.min(), grid.a.max())
     axes[0].set_ylabel(f"{settings['path'].replace('_', ' ')} load a  [%]")
     _percent(axes[0].yaxis)
-    # a line of marginal states at a = 0 is in every map and needs no name
+    # Every map has a line of marginal states at a = 0. The legend leaves it out.
     seen = [word for word in _WORDS if np.mean(words == word) > (2 / len(grid.a) if word == "marginal" else 0)]
     patches = [matplotlib.patches.Patch(facecolor=_REGIONS[w], edgecolor="#888888", label=w) for w in seen]
     handles = patches + list(drawn.values())
@@ -185,10 +207,33 @@ def stability_map(grid: StabilityMap, horizon: int = 0) -> Figure:
 
 
 class BarCase(NamedTuple):
-    """One column of `bars`: a bar's displacement u (points,) at x (points,), known solutions by name, units of both.
+    """One bar for `bars`: its displacement and, if known, exact solutions and a mode.
 
-    u is shown over `unit` [length], strains over `strain_unit` [-]; mode (points,) or None: that of the largest
-    eigenvalue of the bar's Jacobian there, drawn below with the words of its verdict.
+    Parameters
+    ----------
+    title : str
+        Title of the column.
+    x : array, shape (points,)
+        Positions over the length of the bar [-].
+    u : array, shape (points,)
+        Displacements [length].
+    known : dict of str to array, shape (points,)
+        Known solutions by name [length]; at most two are drawn.
+    unit : float
+        Unit of the displacement axis [length].
+    strain_unit : float
+        Unit of the strain axis [-].
+    mode : array, shape (points,), optional
+        Eigenvector of the largest eigenvalue of the bar's Jacobian, drawn below.
+    verdict : str
+        Title of the panel that shows the mode.
+
+    Examples
+    --------
+    >>> x = np.linspace(0, 1, 5)
+    >>> case = pd.figures.BarCase("1 % strain", x, 0.01 * x, {"exact": 0.01 * x}, unit=0.01, strain_unit=0.01)
+    >>> case.title
+    '1 % strain'
     """
 
     title: str
@@ -204,10 +249,35 @@ class BarCase(NamedTuple):
 def bars(
     cases: Sequence[BarCase], title: str, names: tuple[str, str], on: Figure | SubFigure | None = None
 ) -> Figure | SubFigure:
-    """Displacement (above) and strain between neighbouring points (below) of 1D bars, one column a case.
+    """Draw displacement and strain of 1D bars, one column for each bar.
 
-    Arguments: names of the two vertical axes, with their units; on: a part of a figure to draw in, a new one by
-    default. A difference of neighbours shows what an average over the family hides: alternating points.
+    The upper panel shows the displacement, the lower one the strain between neighbouring points. The difference of
+    neighbouring displacements shows an alternation between points that an average over the family hides. If a bar has a
+    mode, a third panel shows it.
+
+    Parameters
+    ----------
+    cases : sequence of BarCase
+        The bars.
+    title : str
+        Title of the figure.
+    names : tuple of two str
+        Labels of the displacement axis and of the strain axis, with their units.
+    on : Figure or SubFigure, optional
+        Where to draw. The default is a new figure.
+
+    Returns
+    -------
+    Figure or SubFigure
+        The figure, or `on`.
+
+    Examples
+    --------
+    >>> x = np.linspace(0, 1, 5)
+    >>> case = pd.figures.BarCase("1 % strain", x, 0.01 * x, {}, unit=0.01, strain_unit=0.01)
+    >>> figure = pd.figures.bars([case], "A bar", ("u / (0.01 L)  [–]", "strain / 0.01  [–]"))
+    >>> len(figure.axes), figure.axes[1].lines[0].get_ydata().round(6).tolist()
+    (2, [1.0, 1.0, 1.0, 1.0])
     """
     columns, with_modes = len(cases), any(case.mode is not None for case in cases)
     if on is None:
@@ -227,7 +297,7 @@ def bars(
             strains.append(np.diff(values) / h / case.strain_unit)
             lower.plot(middle, strains[-1], color="#000000", linestyle=style, linewidth=1.0)
         low, high = min(map(np.min, strains)), max(map(np.max, strains))
-        if high - low < 0.2:  # rounding is not to be looked at
+        if high - low < 0.2:  # do not magnify rounding
             lower.set_ylim(low - 0.1, high + 0.1)
         upper.set_title(case.title, fontsize=9)
         if case.mode is not None:
@@ -244,10 +314,36 @@ def bars(
 
 
 def dispersion(k, eigenvalues, ticks, labels, title: str, line: str = "the line") -> Figure:
-    """Eigenvalues of the symbol along a line of wave vectors: above zero they grow.
+    """Draw the eigenvalues of the symbol along a line of wave vectors.
 
-    Arguments: k (waves,) arc length along the line; eigenvalues (waves, dim), already without unit; ticks, labels of
-    corners; line: what line it is, in words.
+    A wave with an eigenvalue above zero is unstable. This region is shaded.
+
+    Parameters
+    ----------
+    k : array, shape (waves,)
+        Arc length along the line.
+    eigenvalues : array, shape (waves, dim)
+        Eigenvalues over M/h² [-], with the P-wave modulus M and the spacing h.
+    ticks : array, shape (corners,)
+        Arc lengths of the corners of the line.
+    labels : sequence of str
+        Names of the corners.
+    title : str
+        Title of the figure.
+    line : str
+        Name of the line, for the label of the horizontal axis.
+
+    Returns
+    -------
+    Figure
+        The figure.
+
+    Examples
+    --------
+    >>> k = np.linspace(0, np.pi, 5)
+    >>> figure = pd.figures.dispersion(k, -np.sin(k)[:, None] ** 2, [0, np.pi], ["0", "π/h"], "N = 1", "the x axis")
+    >>> figure.axes[0].get_xlabel()
+    'wave vector k along the x axis'
     """
     figure = Figure(figsize=(6.4, 4.2), layout="constrained")
     axes = figure.subplots()

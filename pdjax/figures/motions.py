@@ -1,5 +1,4 @@
-"""Motions: dispersion curves, force against strain, fields, the amplitude of a mode, the budget of energy,
-animations."""
+"""Figures of motions: dispersion curves, force against strain, amplitude and energy error in time, animations."""
 
 import os
 import shutil
@@ -17,12 +16,32 @@ from ..finite_body.dynamics.history import History
 from ..finite_body.scene import Scene
 from .charts import COLOURS, SERIES
 
-ZERO = 1e-9  # of the largest displacement: what rounding leaves of a component that symmetry forbids (seen: 1e-12)
+# A component below this fraction of the largest displacement is rounding. Symmetric runs leave 1e-12.
+ZERO = 1e-9
 
 
 class Branch(NamedTuple):
-    """One curve of `dispersion_curves`: a name, k (waves,), ω (waves,), a line style, and what to mark on the axis or
-    None: a mask (waves,) or the numbers of waves."""
+    """One curve of `dispersion_curves`.
+
+    Parameters
+    ----------
+    name : str
+        Name in the legend. "classical", "symbol" and "continuum" have their fixed colours.
+    k : array, shape (waves,)
+        Wave numbers k h/π [-].
+    omega : array, shape (waves,)
+        Frequencies ω h/c [-].
+    style : str
+        Line style of matplotlib.
+    zero : array, optional
+        Zero-energy modes, which get a ring on the axis: a mask (waves,) or the indices of waves.
+
+    Examples
+    --------
+    >>> k = np.linspace(0, 1, 5)
+    >>> pd.figures.Branch("N = 1", k, np.sin(np.pi * k), zero=np.array([4])).name
+    'N = 1'
+    """
 
     name: str
     k: np.ndarray
@@ -37,10 +56,33 @@ def dispersion_curves(
     highest: float | None = None,
     on: Figure | SubFigure | None = None,
 ) -> Figure | SubFigure:
-    """ω(k) of several models or branches, one panel a name; zero-energy modes are ringed.
+    """Draw dispersion curves ω(k) of several models or branches, one panel for each entry.
 
-    Arguments: panels: title → branches, k h in units of π [-], ω h/c [-]; highest: top of the vertical axis; on: a
-        part of a figure to draw in, a new one by default.
+    Zero-energy modes are marked by rings.
+
+    Parameters
+    ----------
+    panels : dict of str to sequence of Branch
+        Title of each panel and its curves.
+    title : str
+        Title of the figure.
+    highest : float, optional
+        Upper end of the vertical axis [-].
+    on : Figure or SubFigure, optional
+        Where to draw. The default is a new figure.
+
+    Returns
+    -------
+    Figure or SubFigure
+        The figure, or `on`.
+
+    Examples
+    --------
+    >>> k = np.linspace(0, 1, 5)
+    >>> branch = pd.figures.Branch("N = 1", k, np.sin(np.pi * k), zero=np.array([4]))
+    >>> figure = pd.figures.dispersion_curves({"1D": [branch]}, "Dispersion")
+    >>> [text.get_text() for text in figure.legends[0].get_texts()]
+    ['N = 1', 'zero-energy mode']
     """
     figure = Figure(figsize=(4.6 * len(panels) + 0.4, 4.6), layout="constrained") if on is None else on
     axes = figure.subplots(1, len(panels), sharey=True, squeeze=False)[0]
@@ -62,17 +104,36 @@ def dispersion_curves(
     axes[0].set_ylabel("frequency  Re ω h / c  [–]")
     axes[0].set_ylim(0, highest)
     handles, words = axes[0].get_legend_handles_labels()
-    handles, words = handles + rings[:1], words + ["costs no energy"] * len(rings[:1])
+    handles, words = handles + rings[:1], words + ["zero-energy mode"] * len(rings[:1])
     figure.legend(handles, words, loc="outside lower center", ncols=4, fontsize=9, frameon=False)
     figure.suptitle(title, fontsize=11)
     return figure
 
 
 def cuboid(runs: dict[str, dict[str, Any]], title: str, field: dict[str, Any] | None = None) -> Figure:
-    """Force against strain of several runs, and below it the three displacements of one of them on its middle plane.
+    """Draw force against strain of several runs of the cuboid, and the displacements of one run on its middle plane.
 
-    Arguments: runs: name → {"strain", "force" (saves,) [-, force], "style", optional}; field: {"u" (points, 3),
-        "shape", "spacing", "name"} of the run to be looked at, or None.
+    Parameters
+    ----------
+    runs : dict of str to dict
+        Name → {"strain": (saves,) [-], "force": (saves,) over E₀ A [-], "style": line style, optional}.
+    title : str
+        Title of the figure.
+    field : dict, optional
+        {"u": (points, 3), "shape": points along each axis, "spacing": h, "name": str} of the run whose displacements
+        are drawn. All three components have the same colour scale.
+
+    Returns
+    -------
+    Figure
+        The figure.
+
+    Examples
+    --------
+    >>> strain = np.linspace(0, 0.1, 5)
+    >>> figure = pd.figures.cuboid({"m = 1": {"strain": strain, "force": strain}}, "A cuboid")
+    >>> figure.axes[0].get_xlabel()
+    'strain of the ends  [%]'
     """
     figure = Figure(figsize=(8.6, 8.4 if field else 4.6), layout="constrained")
     upper: Any
@@ -89,9 +150,7 @@ def cuboid(runs: dict[str, dict[str, Any]], title: str, field: dict[str, Any] | 
         axes.plot(strain, force, run.get("style", "-"), color=colour, linewidth=1.3, label=name)
     strains = 100 * np.concatenate([run["strain"] for run in runs.values()])
     ends = np.array([strains.min(), strains.max()])
-    axes.plot(
-        ends, ends / 100, ":", color="#888888", linewidth=1.1, label="E₀ × strain, the classical bar at small strain"
-    )
+    axes.plot(ends, ends / 100, ":", color="#888888", linewidth=1.1, label="E₀ × strain: classical bar at small strain")
     axes.axhline(0, color="#888888", linewidth=0.6)
     axes.set_xlabel("strain of the ends  [%]")
     axes.set_ylabel("force through the middle / (E₀ A)  [–]")
@@ -102,10 +161,12 @@ def cuboid(runs: dict[str, dict[str, Any]], title: str, field: dict[str, Any] | 
         u = np.asarray(field["u"]).reshape(*shape, 3)
         columns = lower.subplots(3, 1, sharex=True)
         planes = np.moveaxis(u[:, :, shape[2] // 2], -1, 0) / h
-        limit = float(np.abs(planes).max()) or 1.0  # one scale: rounding must not look like a displacement
+        limit = (
+            float(np.abs(planes).max()) or 1.0
+        )  # one colour scale, so that rounding does not look like a displacement
         zero = [f"u_{axis}" for axis, plane in zip("xyz", planes, strict=True) if np.abs(plane).max() < ZERO * limit]
         said = f"; zero to rounding: {', '.join(zero)}" if zero else ""
-        lower.suptitle(f"{field['name']}: displacement on the plane z = centre, one scale{said}", fontsize=9)
+        lower.suptitle(f"{field['name']}: displacement on the middle plane of z, same colour scale{said}", fontsize=9)
         for k, on in enumerate(columns):
             plane = planes[k].T
             image = on.imshow(
@@ -123,10 +184,35 @@ def cuboid(runs: dict[str, dict[str, Any]], title: str, field: dict[str, Any] | 
 
 
 def motion(history: History, amplitude: np.ndarray, law: dict[str, np.ndarray], title: str, unit: str = "") -> Figure:
-    """The amplitude of a mode in time beside what the symbol says of it, and the error of the budget of energy.
+    """Draw the amplitude of a mode in time next to predicted curves, and the error of the energy budget below.
 
-    Arguments: amplitude (saves,), over its start; law: name → (saves,) curves to compare with. A range of more than a
-        thousand is drawn logarithmically.
+    If the amplitude grows by more than a factor of a thousand, the axis is logarithmic.
+
+    Parameters
+    ----------
+    history : History
+        Result of `pd.simulate`.
+    amplitude : array, shape (saves,)
+        Amplitude of the mode over its initial value [-].
+    law : dict of str to array, shape (saves,)
+        Predicted curves by name [-].
+    title : str
+        Title of the figure.
+    unit : str
+        Label of the time unit.
+
+    Returns
+    -------
+    Figure
+        The figure.
+
+    Examples
+    --------
+    >>> motion = pd.scenes.wave(8, N=1, model=pd.BondBased(1.0))
+    >>> history = pd.simulate(motion, show_progress=False)
+    >>> amplitude = np.asarray(pd.amplitude(history.u, motion.start))
+    >>> pd.figures.motion(history, amplitude / amplitude[0], {}, "A wave").axes[1].get_ylabel()
+    'energy error  [–]'
     """
     figure = Figure(figsize=(7.4, 5.6), layout="constrained")
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(2, 1))
@@ -150,19 +236,58 @@ def motion(history: History, amplitude: np.ndarray, law: dict[str, np.ndarray], 
 def animation(
     scene: Scene, history: History, path: str | os.PathLike, component: int = 0, scale: float = 1.0, fps: int = 15
 ) -> Path:
-    """A moving picture of the body, coloured by one displacement: a GIF (Pillow), or MP4 where ffmpeg is installed.
+    """Write an animation of a motion, coloured by one component of the displacement.
 
-    Arguments: scene the motion's; history with its fields; path ending in .gif or .mp4; component 0 to dim − 1; scale:
-        how much displacements are exaggerated. In 1D u is drawn over x; in 3D the body is seen along z.
-    Returns: the path.  Raises: ValueError for another ending, a history without fields, or MP4 without ffmpeg.
+    The file is a GIF, or an MP4 where the program ffmpeg is installed.
+
+    In 1D it shows u over x. In 3D the view is along z.
+
+    Parameters
+    ----------
+    scene : Scene
+        The scene of the motion.
+    history : History
+        Result of `pd.simulate` with `fields=True`.
+    path : str or path
+        File to write, ending in .gif or .mp4.
+    component : int
+        Component of the displacement that sets the colour, 0 to dim − 1.
+    scale : float
+        Factor by which the displacements are exaggerated [-].
+    fps : int
+        Frames per second.
+
+    Returns
+    -------
+    Path
+        The path of the file.
+
+    Raises
+    ------
+    ValueError
+        If the path has another ending, the history has no fields, or ffmpeg is missing for MP4.
+    OSError
+        If ffmpeg fails.
+
+    Examples
+    --------
+    >>> import tempfile, pathlib
+    >>> motion = pd.scenes.wave(8, N=1, model=pd.BondBased(1.0))
+    >>> history = pd.simulate(motion, 1.0, dt=0.5, show_progress=False)
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     pd.figures.animation(motion.scene, history, pathlib.Path(folder) / "wave.gif").name
+    'wave.gif'
     """
     path = Path(path)
     if path.suffix not in (".gif", ".mp4"):
-        raise ValueError(f"an animation is a .gif or an .mp4; got {path.name!r}")
+        raise ValueError(f"path must end in .gif or .mp4; got {path.name!r}")
     if path.suffix == ".mp4" and shutil.which("ffmpeg") is None:
-        raise ValueError("MP4 needs the program ffmpeg, which is not installed: name a .gif instead")
+        raise ValueError("an .mp4 needs the program ffmpeg, which is not installed; install it or name a .gif instead")
     if len(history.u) != len(history.times):
-        raise ValueError("this history kept no fields but the last: run it with fields=True")
+        raise ValueError(
+            "an animation needs the displacements of every save, and this history kept no fields but the last; run"
+            " `simulate` with fields=True"
+        )
     X, u, dim = scene.body.positions, np.asarray(history.u), scene.body.dim
     colour = u[:, :, component]
     limit = float(np.abs(colour).max()) or 1.0

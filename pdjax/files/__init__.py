@@ -1,1 +1,1 @@
-""""""
+"""Files of bodies and results for other programs."""

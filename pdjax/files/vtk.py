@@ -1,8 +1,9 @@
-"""Bodies and results for other programs: VTK files that ParaView opens.
+"""VTK files of bodies and results, for ParaView and other programs.
 
-Every point is a vertex. One state is one file, NAME.vtu. A motion and a path of equilibria are one file for each state,
-whole or not there, and NAME.vtu.series lists them. Vectors get three components and tensors nine (row by row), for VTK
-knows no others. Written by meshio, an optional extra: `pip install meshio`.
+Every point of the body is a vertex. A single state becomes one file, NAME.vtu. A motion or an equilibrium path becomes
+one file a state, and NAME.vtu.series lists these files. An interrupted run leaves no incomplete file. Vectors are
+padded to three components and tensors to nine (row by row), because VTK has no smaller ones. The optional package
+meshio writes the files: `pip install meshio`.
 """
 
 import json
@@ -26,7 +27,10 @@ Result = History | Equilibrium | EquilibriumPath
 
 
 class _States(NamedTuple):
-    """Fields name → (states, points, …), and the time of every state; None: one state, its fields without that axis."""
+    """Fields by name, (states, points, …), and the time of every state.
+
+    If `times` is None there is a single state, and the fields have the shape (points, …).
+    """
 
     fields: dict[str, np.ndarray]
     times: np.ndarray | None
@@ -35,13 +39,13 @@ class _States(NamedTuple):
 def _positions(body: Body) -> np.ndarray:
     if isinstance(body, Families):
         if body.positions is None:
-            raise ValueError("these families know no positions; give the points or the scene instead")
+            raise ValueError("these families hold no positions of the points: pass the points or the scene instead")
         return np.asarray(body.positions, float)
     return body.positions if isinstance(body, Points) else body.body.positions
 
 
 def _own_fields(body: Body) -> dict[str, np.ndarray]:
-    """What a body, families or a scene has at its points: the same in every state."""
+    """Fields that are the same in every state: volumes, and for a scene its supports and loads."""
     if isinstance(body, Points):
         return {"volume": body.volumes}
     families = body.families if isinstance(body, Scene) else body
@@ -62,13 +66,13 @@ def _states(result: Any) -> _States:
         return _States({"displacement": np.asarray(result.u)}, np.arange(count, dtype=float))
     if isinstance(result, History):
         if len(result.u) != len(result.times):
-            raise ValueError("this history kept no fields but the last: run it with fields=True")
+            raise ValueError("this history kept no fields except the last: run simulate with fields=True")
         return _States(
             {"displacement": np.asarray(result.u), "velocity": np.asarray(result.v)}, np.asarray(result.times)
         )
     raise ValueError(
-        "result must be what pdjax.simulate, solve or equilibrium_path returned, or None for fields of your own; got"
-        f" {type(result).__name__}"
+        "result must be a result of pdjax.simulate, solve or equilibrium_path, or None; got"
+        f" {type(result).__name__}: pass other arrays as fields={{name: array}}"
     )
 
 
@@ -79,16 +83,46 @@ def write_vtk(
     path: str | os.PathLike | None = None,
     fields: dict | None = None,
 ) -> Path:
-    """Write a body and what was found of it for ParaView.
+    """Write a body, its result and more fields to VTK files for ParaView.
 
-    Arguments: body a scene, points, or families: their volumes, counts of neighbours, supports and loads are written
-        too; result a `History`, `Equilibrium` or `EquilibriumPath` of it, or None; path NAME, without ending; fields:
-        name → more arrays on the points, (points, …), for a history or path (states, points, …), e.g. a stress.
-    Returns: the path of NAME.vtu, for a history or path of NAME.vtu.series: open that. Its files are named
-        NAME-0000.vtu and so on; a path's "time" is the number of its state.
-    Raises: ImportError without meshio; ValueError for fields of another shape, a history without fields, a result
-        that is none; OSError where nothing can be written.
-    Example: `write_vtk(scene, pd.solve(scene), "plate", {"stress": stress})`; `write_vtk(points, path="cloud")`.
+    Parameters
+    ----------
+    body : Scene, Points or Families
+        The body. Its volumes, numbers of neighbours, supports and loads are written as fields, where it has them.
+    result : History, Equilibrium or EquilibriumPath, optional
+        A result of `simulate`, `solve` or `equilibrium_path` for this body.
+    path : str or path
+        File name NAME without extension.
+    fields : dict, optional
+        More arrays by name, for example a stress. Each has the shape (points, …), or (states, points, …) for a
+        history or an equilibrium path.
+
+    Returns
+    -------
+    pathlib.Path
+        The file to open: NAME.vtu, or NAME.vtu.series for a history or an equilibrium path.
+
+    Raises
+    ------
+    ImportError
+        If meshio is not installed.
+    ValueError
+        If a field has another shape, the history holds no fields, or `body` or `result` has another type.
+    OSError
+        If the files cannot be written.
+
+    Notes
+    -----
+    The files of a series are NAME-0000.vtu, NAME-0001.vtu, and so on. The time of a state of an equilibrium path is the
+    number of the state. If there is no result, the second argument may be the path.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> body = pd.lattice((5, 4))
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     pd.export.write_vtk(body, path=f"{folder}/plate", fields={"height": body.positions[:, 1]}).name
+    'plate.vtu'
     """
     try:
         import meshio
@@ -97,9 +131,9 @@ def write_vtk(
     if isinstance(result, str | os.PathLike) and path is None:
         result, path = None, result
     if not isinstance(body, Body):
-        raise ValueError(f"body must be a scene, points or families; got {type(body).__name__}")
+        raise ValueError(f"body must be a Scene, Points or Families; got {type(body).__name__}")
     if path is None:
-        raise ValueError('path must name the files, without ending: write_vtk(scene, result, "plate")')
+        raise ValueError('path must name the files, without extension; got none: write_vtk(scene, result, "plate")')
     states, own = _states(result), _own_fields(body)
     where = _positions(body)
     series = states.times is not None
@@ -134,7 +168,7 @@ def write_vtk(
 
 
 def _three(values: np.ndarray) -> np.ndarray:
-    """Vectors padded to three components, tensors to 3 × 3 and written row by row; scalars as they are."""
+    """Vectors padded to three components, tensors padded to 3 × 3 and flattened row by row; scalars unchanged."""
     values = values.astype(np.uint8) if values.dtype == bool else values
     lacking = [(0, 0)] + [(0, 3 - n) if n < 3 else (0, 0) for n in values.shape[1:]]
     if values.ndim in (2, 3) and all(n <= 3 for n in values.shape[1:]):

@@ -1,16 +1,21 @@
-"""What is done to a body: prescribed displacements, body forces, tractions.
+"""Conditions of a body: prescribed displacements, body forces and tractions.
 
-Each is a plain record that `pdjax.scene` reads; values are those at load factor 1 and grow in proportion to it.
+Each function here returns a small record, and `pdjax.scene` reads these records. The values are those at load factor
+λ = 1. At another load factor `scene` multiplies them by λ.
 
-A nonlocal body has no surface to pull on, so a traction is a body force over a boundary layer:
+A nonlocal body has no surface on which a traction could act. A traction is therefore a body force b over a boundary
+layer of points. There are two versions:
 
-    total     b_i = f / Σ_layer V          the force f [force] evenly over the layer
-    exact     b_i = −f_i(F)                the layer's own internal force under x = F X
+    total     b_i = f / Σ_layer V          the force f [force], spread evenly over the layer (`total_force`)
+    exact     b_i = −f_i(F)                minus the internal force of the layer under x = F X (`homogeneous_traction`)
 
-The second keeps the homogeneous state F an exact equilibrium where the layer is two horizons deep (two rings of
-neighbours feel a surface); its sum over the layer is P N A, the classical traction times the area of the face (where
-the layer ends at free sides, it also holds those in place). The first has the same sum and disturbs the strain near
-it. Source of the idea of layers: Silling & Askari 2005.
+With the exact version the homogeneous state F is an exact equilibrium, if the layer is two horizons deep. (The force on
+a point depends on its neighbours and on the neighbours of these, so a surface acts over two horizons.) The sum of V b
+over the layer is P N A: the classical traction P N times the area A of the face. Where the layer ends at free sides,
+this body force also balances the internal forces of those sides. The total version can have the same sum, but it
+disturbs the strain near the layer.
+
+The idea of boundary layers is that of Silling & Askari 2005.
 """
 
 from typing import Any, NamedTuple
@@ -23,7 +28,7 @@ from ..models.base import AbstractModel
 
 
 class Prescribed(NamedTuple):
-    """Displacements `u` [length] of `points`; `components` None means all of them; `mask` as in `point_numbers`."""
+    """Displacements `u` [length] of `points`. `components` None holds all of them; `mask` as in `point_numbers`."""
 
     points: np.ndarray
     mask: int | None
@@ -40,7 +45,7 @@ class BodyForce(NamedTuple):
 
 
 class TotalForce(NamedTuple):
-    """A force [force] spread evenly over the volume of `points`."""
+    """A total force [force] that is spread evenly over the volume of `points`."""
 
     points: np.ndarray
     mask: int | None
@@ -48,7 +53,7 @@ class TotalForce(NamedTuple):
 
 
 class HomogeneousTraction(NamedTuple):
-    """The body force on `points` that balances the homogeneous deformation F there, its origin at rest."""
+    """The body force on `points` that balances their internal force under the homogeneous deformation x = F X."""
 
     points: np.ndarray
     mask: int | None
@@ -60,7 +65,10 @@ Condition = Prescribed | BodyForce | TotalForce | HomogeneousTraction
 
 
 def point_numbers(points) -> tuple[np.ndarray, int | None]:
-    """Point numbers from numbers or from a boolean mask, and the length of the mask, which must be the body's."""
+    """Return point numbers, given as numbers or as a boolean mask, and the length of the mask (None without a mask).
+
+    `check_points` compares that length with the number of points of the body.
+    """
     if isinstance(points, np.ma.MaskedArray):
         points = native("points", points)
     points, mask = np.atleast_1d(np.asarray(points)), None
@@ -76,7 +84,10 @@ def point_numbers(points) -> tuple[np.ndarray, int | None]:
 
 
 def check_points(what: str, points: np.ndarray, mask: int | None, count: int) -> np.ndarray:
-    """`points` if a body of `count` points has them; ValueError for a mask of another length, a point it has not."""
+    """Return `points` if a body of `count` points has all of them.
+
+    Raises ValueError if the mask has another length than the body, or if a point number lies outside the body.
+    """
     if mask is not None and mask != count:
         raise ValueError(f"{what} has a mask of {mask} points; the body has {count}")
     if points.min() < 0 or points.max() >= count:
@@ -87,10 +98,37 @@ def check_points(what: str, points: np.ndarray, mask: int | None, count: int) ->
 
 @public_function
 def prescribe(points, u=0.0, components=None) -> Prescribed:
-    """Hold points at a displacement.
+    """Hold points at given displacements.
 
-    Arguments: points a boolean mask (points,) or point numbers; u [length] a number, one value for each component
-        held, or (points named, components held); components: which of them are held, e.g. 0 or (0, 2); all if None.
+    Parameters
+    ----------
+    points : array of bool, shape (points,), or of int, shape (selected,)
+        The points to hold: a mask over all points of the body, or their numbers.
+    u : float or array, optional
+        Displacements [length] at load factor 1: one number, one value for each held component, or an array of shape
+        (selected, held components). Default 0.
+    components : int or tuple of int, optional
+        Which components are held, for example 0 or (0, 2). Default: all components.
+
+    Returns
+    -------
+    Prescribed
+        A condition for `scene`.
+
+    Raises
+    ------
+    ValueError
+        If `points` is empty, names a point twice, or is neither a mask nor point numbers, or if `components` names a
+        component twice.
+
+    Examples
+    --------
+    Hold the left column of a lattice of 5 × 4 points in the direction x, at u_x = 0:
+
+    >>> body = pd.lattice((5, 4))
+    >>> left = body.positions[:, 0] < 1
+    >>> pd.prescribe(left, 0.0, components=0).points
+    array([0, 1, 2, 3])
     """
     chosen = None if components is None else tuple(int(c) for c in np.atleast_1d(components))
     if chosen is not None and (len(set(chosen)) != len(chosen) or not chosen):
@@ -100,20 +138,124 @@ def prescribe(points, u=0.0, components=None) -> Prescribed:
 
 @public_function
 def body_force(points, b) -> BodyForce:
-    """A body force density b [force/length^dim]: a number in 1D, (dim,), or (points named, dim)."""
+    """Load points with a body force density.
+
+    Parameters
+    ----------
+    points : array of bool, shape (points,), or of int, shape (selected,)
+        The loaded points: a mask over all points of the body, or their numbers.
+    b : float or array, shape (dim,) or (selected, dim)
+        Body force density [force/length^dim] at load factor 1. One number is accepted in 1D only.
+
+    Returns
+    -------
+    BodyForce
+        A condition for `scene`.
+
+    Raises
+    ------
+    ValueError
+        If `points` is empty, names a point twice, or is neither a mask nor point numbers.
+
+    Examples
+    --------
+    >>> body = pd.bar(5, 5.0)
+    >>> held, loaded = pd.prescribe([0], 0.0), pd.body_force([3, 4], 0.1)
+    >>> scene = pd.scene(body, pd.families(body, 1.0), pd.BondBased(1.0), held, loaded)
+    >>> print(scene.load[:, 0])
+    [0.  0.  0.  0.1 0.1]
+    """
     return BodyForce(*point_numbers(points), as_array(b, name="b"))
 
 
 @public_function
 def total_force(points, force) -> TotalForce:
-    """A force (dim,) [force] spread evenly over the points named: the crude traction of the module's head."""
+    """Spread a total force evenly over points.
+
+    b_i = f / Σ V, with the sum over the loaded points
+
+    Parameters
+    ----------
+    points : array of bool, shape (points,), or of int, shape (selected,)
+        The loaded points: a mask over all points of the body, or their numbers.
+    force : array, shape (dim,)
+        The total force f [force] at load factor 1.
+
+    Returns
+    -------
+    TotalForce
+        A condition for `scene`.
+
+    Raises
+    ------
+    ValueError
+        If `points` is empty, names a point twice, or is neither a mask nor point numbers.
+
+    Notes
+    -----
+    This body force disturbs the strain near the loaded layer. `homogeneous_traction` does not.
+
+    References
+    ----------
+    Silling & Askari 2005 (boundary layers)
+
+    Examples
+    --------
+    A force of 0.1 on two points of volume 1 is a body force density of 0.05:
+
+    >>> body = pd.bar(5, 5.0)
+    >>> held, pulled = pd.prescribe([0], 0.0), pd.total_force([3, 4], [0.1])
+    >>> scene = pd.scene(body, pd.families(body, 1.0), pd.BondBased(1.0), held, pulled)
+    >>> print(scene.load[:, 0])
+    [0.   0.   0.   0.05 0.05]
+    """
     return TotalForce(*point_numbers(points), as_array(force, name="force"))
 
 
 @public_function
 def homogeneous_traction(points, F, model: AbstractModel | None = None) -> HomogeneousTraction:
-    """The exact traction of the module's head over the layer of points named, for the homogeneous deformation F.
+    """Load a boundary layer so that a homogeneous deformation is an exact equilibrium.
 
-    `model`: whose internal force is meant, if not the body's own (a graded body's material at the surface).
+    b_i = −f_i(F), with f_i the internal force density of point i under x = F X
+
+    Parameters
+    ----------
+    points : array of bool, shape (points,), or of int, shape (selected,)
+        The points of the layer: a mask over all points of the body, or their numbers.
+    F : array, shape (dim, dim)
+        Homogeneous deformation gradient [-] at load factor 1.
+    model : AbstractModel, optional
+        The model of f_i. Default: the model of the scene. Give one for a graded body: its material at the surface.
+
+    Returns
+    -------
+    HomogeneousTraction
+        A condition for `scene`.
+
+    Raises
+    ------
+    ValueError
+        If `points` is empty, names a point twice, or is neither a mask nor point numbers.
+
+    Notes
+    -----
+    The layer must be two horizons deep, because the surface changes the force on points up to that depth. The sum of
+    V b over the layer is the classical traction P N times the area of the face.
+
+    References
+    ----------
+    Silling & Askari 2005 (boundary layers)
+
+    Examples
+    --------
+    A stretch of 1.1 gives P = F S = 1.1 · ½ (1.1² − 1) = 0.1155. The volumes are 1:
+
+    >>> body = pd.bar(11, 11.0)
+    >>> held = pd.prescribe(np.arange(4), 0.1 * body.positions[:4])
+    >>> pulled = pd.homogeneous_traction(np.arange(7, 11), [[1.1]])
+    >>> model = pd.SethHill(1.0, pd.LinearElastic(1.0, 0.0))
+    >>> scene = pd.scene(body, pd.families(body, 2.0), model, held, pulled)
+    >>> round(float(np.sum(scene.load)), 4)
+    0.1155
     """
     return HomogeneousTraction(*point_numbers(points), as_array(F, name="F"), model)

@@ -1,12 +1,22 @@
-"""Critical load of a body: where the largest eigenvalue of its Jacobian crosses zero along a path of displacements.
+"""Critical load of a finite body: the load factor λ at which the largest eigenvalue of its Jacobian crosses zero.
 
-    A(λ) v = 0.     First the linearised problem at rest, −A(0) v = λ A'(0) v (Lanczos with one factor of A(0)); then
-    Newton on the eigenvalue that vanishes, λ ← λ − x / (vᵀ A'(λ) v), x v = A(λ) v by inverse iteration with one
-    factor each; at last two factors at λ (1 ∓ 1e-6), whose inertia proves the crossing.
+The displacement follows a given path u(λ). A(λ) is the reduced Jacobian along it, A'(λ) = dA/dλ, and the critical load
+factor is the smallest λ with a mode v that satisfies
 
-Where an iterate is unstable by more than one eigenvalue the bracket of counts is halved instead: Newton there would
-follow a later crossing. A'(λ) is never formed: its products are JVPs of JVPs. Six factors suffice where the path is a
-homogeneous deformation.
+    A(λ) v = 0
+
+The search has three steps:
+
+1. The linearised problem at rest, −A(0) v = λ A'(0) v, gives a first λ (Lanczos with one matrix factorisation of A(0)).
+2. Newton's method on the eigenvalue x nearest to zero improves it: λ ← λ − x / (vᵀ A'(λ) v) with A(λ) v = x v. Each
+   step computes x and v by inverse iteration with one matrix factorisation.
+3. Two more matrix factorisations at λ (1 ∓ 1e-6) prove the crossing. Their inertia shows that A has no positive
+   eigenvalue just below λ and at least one just above.
+
+Where A has more than one positive eigenvalue, Newton's method would follow a later crossing. The search then halves
+the interval between the largest λ known to be stable and the smallest known to be unstable. A' is not stored as a
+matrix: its products with vectors are JVPs of JVPs. Six matrix factorisations are enough if the path is a homogeneous
+deformation.
 """
 
 from collections.abc import Callable
@@ -24,16 +34,30 @@ from .factorisation import Factor, Singular, as_operator, count_positive, matrix
 from .scene import Scene, frozen
 from .spectrum import _full, _norm, _scaled, _tolerance, closed_form, nearest, need_energy, shifted
 
-PROOF = 1e-6  # relative distance of the two proving factors
-MOST = 60
+PROOF = 1e-6  # relative distance from λ of the two matrix factorisations that prove the crossing
+MOST = 60  # matrix factorisations after which the search stops
 
 
 class BodyCritical(eqx.Module):
-    """The answer of `body_critical_load`.
+    """Result of `body_critical_load`: the critical load factor, its mode and whether it is proved.
 
-    factor: the load factor λ at the crossing (0: unstable at rest; inf: not up to the limit); mode (points, dim), unit;
-    positive: (factor, eigenvalues above zero) at every factorisation; proved: stable just below, unstable just above
-    (for inf: stable at the limit). Not proved: the middle of the bracket that 60 factors left.
+    Attributes
+    ----------
+    factor : float
+        Critical load factor λ [-]. 0 if the body is unstable at rest, inf if it is stable up to the limit.
+    mode : array, shape (points, dim), or None
+        The critical mode, of unit length. None if no crossing was found.
+    positive : tuple of (float, int)
+        Load factor and number of positive eigenvalues at every matrix factorisation.
+    proved : bool
+        True if the body is stable just below `factor` and unstable just above it, or stable at the limit for
+        `factor` = inf. If False, `factor` is the middle of the interval that is left after 60 matrix factorisations.
+
+    Examples
+    --------
+    >>> found = pd.body_critical_load(pd.scenes.step_size_bar(20, N=3, strain=-0.1))
+    >>> round(found.factor, 6), found.proved, found.mode.shape
+    (0.05272, True, (20, 1))
     """
 
     factor: float
@@ -43,7 +67,7 @@ class BodyCritical(eqx.Module):
 
     @property
     def factorisations(self) -> int:
-        """How many sparse factors were made."""
+        """Number of sparse matrix factorisations."""
         return len(self.positive)
 
     def __str__(self) -> str:
@@ -52,7 +76,7 @@ class BodyCritical(eqx.Module):
 
 
 def _near_zero(A: Any, factor: Factor, start: np.ndarray | None) -> tuple[float, np.ndarray]:
-    """The eigenpair of A nearest zero."""
+    """The eigenpair of A nearest to zero."""
     values, vectors = nearest(A, factor, 0.0, 1, start)
     return float(values[0]), vectors[:, 0]
 
@@ -64,7 +88,7 @@ def _rate(path: Callable[[Any], Any], factor) -> tuple[Array, Array]:
 
 
 class _Walk:
-    """H along a path of displacements, and the counts of its eigenvalues above zero met on the way."""
+    """H along a path of displacements, with a record of its numbers of positive eigenvalues."""
 
     def __init__(self, scene: Scene, along: Callable[[float], tuple[Any, Any]]):
         self.scene, self.along, self.root = scene, along, np.sqrt(unknown_volumes(scene))
@@ -72,7 +96,7 @@ class _Walk:
         self.shift = 0.0
 
     def state(self, factor: float) -> tuple[Any, Any]:
-        """H at a load factor, shifted by the rounding at the first one asked for, and v ↦ H'v."""
+        """H at a load factor and the product v ↦ H'v. H is shifted by the tolerance of the first load factor."""
         scene, root = self.scene, self.root
         u, du = self.along(factor)
         H = _scaled(matrix(scene, u, factor), root)
@@ -82,19 +106,19 @@ class _Walk:
         return shifted(H, self.shift), rate
 
     def factorised(self, H: Any) -> Factor:
-        """A factor of H."""
+        """A matrix factorisation of H."""
         try:
             return Factor(H)
-        except Singular:  # it sits on an eigenvalue, or a pivot vanished: two roundings further it does not
+        except Singular:  # The shift hit an eigenvalue or a pivot vanished; a further small shift avoids both.
             return Factor(shifted(H, 2 * self.shift))
 
     def unstable_at(self, factor: float) -> bool:
-        """Whether H has positive eigenvalues there, by their count."""
+        """Whether H has positive eigenvalues at a load factor; their number is recorded."""
         self.seen.append((float(factor), count_positive(self.state(factor)[0])))
         return self.seen[-1][1] > 0
 
     def answer(self, factor: float, w: np.ndarray | None, proved: bool) -> BodyCritical:
-        """The critical load with all that was seen."""
+        """The result, with the record of all matrix factorisations."""
         mode = None if w is None else _full(self.scene, w, self.root)
         return BodyCritical(float(factor), mode, tuple(self.seen), proved)
 
@@ -106,12 +130,39 @@ def body_critical_load(
     path: Callable[[Any], Any] | None = None,
     limit: float = 1.0,
 ) -> BodyCritical:
-    """The first load factor in (0, limit] at which the body becomes unstable.
+    """Find the first load factor in (0, limit] at which a body becomes unstable.
 
-    Arguments: path λ → u (points, dim) [length], a JAX function, starting at rest; by default λ times the scene's
-        closed form, which for homogeneous states is the equilibrium path; limit.
-    Instability that comes and goes between two factors is not seen.
-    Returns: `BodyCritical`. Raises: ValueError without a path or closed form, or for a model without an energy.
+    Parameters
+    ----------
+    scene : Scene
+        The boundary value problem.
+    path : callable, optional
+        JAX function from the load factor λ [-] to the displacements, shape (points, dim) [length]. It must start at
+        rest. The default is λ times the closed form of the scene; for homogeneous states that is the equilibrium path.
+    limit : float, optional
+        Largest load factor of the search [-].
+
+    Returns
+    -------
+    BodyCritical
+        The critical load factor, its mode and whether it is proved.
+
+    Raises
+    ------
+    ValueError
+        If the model has no energy, both a path and a closed form are missing, or the limit is not positive.
+
+    Notes
+    -----
+    The search tests single load factors. It misses an instability that appears and disappears between two of them.
+
+    Examples
+    --------
+    A clamped bar of 20 points and horizon 3 spacings becomes unstable at 0.5 % compression:
+
+    >>> found = pd.body_critical_load(pd.scenes.step_size_bar(20, N=3, strain=-0.1))
+    >>> round(-0.1 * found.factor, 5)
+    -0.00527
     """
     need_energy(scene)
     scene = frozen(scene)
@@ -135,13 +186,13 @@ def body_critical_load(
 
     inverse = sla.LinearOperator(H.shape, matvec=lambda v: -lu.solve(v), dtype=float)
     strength, vector = sla.eigsh(rate, k=1, M=-H, Minv=inverse, which="LA", tol=1e-6)
-    del lu, inverse, H  # one factor at a time: it is most of the memory
+    del lu, inverse, H  # A matrix factorisation takes most of the memory, so only one is kept at a time.
     first = min(1 / strength[0], limit) if strength[0] > 0 else limit
     return _search(traversal, first, vector[:, 0], limit)
 
 
 def _search(traversal: _Walk, factor: float, w: np.ndarray, limit: float) -> BodyCritical:
-    """From a guess of the load factor and of the mode to the proved crossing: the module's head."""
+    """Steps 2 and 3 of the module docstring: from a first load factor and mode to the proved crossing."""
     stable, unstable = 0.0, np.inf
     while len(traversal.seen) < MOST:
         if stable >= limit:
@@ -149,7 +200,7 @@ def _search(traversal: _Walk, factor: float, w: np.ndarray, limit: float) -> Bod
         H, rate = traversal.state(factor)
         lu = traversal.factorised(H)
         value, w = _near_zero(H, lu, w)
-        count = lu.positive if lu.cheap else int(value > 0)  # where counting is dear the proof comes at the end
+        count = lu.positive if lu.cheap else int(value > 0)  # large: counted in the proof only
         del lu
         traversal.seen.append((float(factor), count))
         slope = float(w @ (rate @ w)) / float(w @ w)
@@ -161,7 +212,7 @@ def _search(traversal: _Walk, factor: float, w: np.ndarray, limit: float) -> Bod
                 return traversal.answer(new, w, True)
             else:
                 stable = max(stable, new * (1 + PROOF))
-            new = np.nan  # an eigenvalue crosses here, but not the first: go on between the bounds
+            new = np.nan  # This is not the first crossing, so the search goes on between the bounds.
         elif count == 0:
             stable = max(stable, factor)
             if slope <= 0 or new > limit:
@@ -171,7 +222,7 @@ def _search(traversal: _Walk, factor: float, w: np.ndarray, limit: float) -> Bod
         else:
             unstable = min(unstable, factor)
             if count > 1 or value < 0:
-                new = np.nan  # the eigenvalue next to zero is not the one that crossed first
+                new = np.nan  # The eigenvalue nearest to zero is not the one that crossed first.
         if not stable < new < unstable:
             new = 0.5 * (stable + unstable) if np.isfinite(unstable) else limit
         factor = new

@@ -1,15 +1,19 @@
-"""The reduced system of a scene: residual, matrix-free and sparse A = S V J Sᵀ, and a factor of it that counts.
+"""The reduced system of a scene: its residual, its Jacobian A = S V J Sᵀ, and a matrix factorisation of A.
 
-SciPy has no LDLᵀ. SuperLU told to keep the diagonal as pivots (symmetric mode, threshold 0) factors Pᵀ A P = L U
-with one permutation for rows and columns, and then U = D Lᵀ: by Sylvester's law of inertia the signs of U's diagonal
-are those of A's eigenvalues. Without pivoting nothing guards the accuracy, so every factor is checked: the permutations
-must agree, and a solve with a random right-hand side must come back to BACKWARD.
+The module gives products A v without a matrix, the sparse matrix A, and the number of positive eigenvalues of A. The
+symbols S, V, J and λ are those of `pdjax.finite_body.scene`. Units: residual [force], A [force/length].
 
-Looking at U copies the factor, 12 bytes an entry. Large ones are counted another way, in little memory: in an order of
-small bandwidth A is block-tridiagonal, and its inertia is the sum of those of the Schur complements S_k = A_kk −
-A_{k,k−1} S_{k−1}⁻¹ A_{k−1,k} (Haynsworth), each by dense Cholesky, or Bunch–Kaufman where it is not definite.
+**Inertia from the pivots.** The inertia of a symmetric matrix is the number of its positive, zero and negative
+eigenvalues. SciPy has no LDLᵀ factorisation, so SuperLU takes its place: in symmetric mode with pivot threshold 0 it
+keeps the diagonal entries as pivots. It then computes Pᵀ A P = L U with one permutation P for rows and columns, and
+U = D Lᵀ. By Sylvester's law of inertia the diagonal of U has the same signs as the eigenvalues of A. Without pivoting
+the factorisation can be inaccurate, so each one is checked. The permutations of rows and columns must agree. A solve
+with a random right-hand side must have a backward error below BACKWARD.
 
-Units: residual [force], A [force/length].
+**Inertia from blocks.** Reading the diagonal of U copies U, which takes 12 bytes an entry. For a large factorisation
+another method needs less memory. Ordered for small bandwidth, A is block-tridiagonal. Its inertia is the sum of the
+inertias of the Schur complements S_k = A_kk − A_{k,k−1} S_{k−1}⁻¹ A_{k−1,k} (Haynsworth). A dense Cholesky
+factorisation gives the inertia of a definite S_k, and a Bunch–Kaufman factorisation that of an indefinite one.
 """
 
 import functools
@@ -27,16 +31,16 @@ from ..force.fields import force_states, plain_exchange
 from ..tangent.jacobian import jacobian
 from .scene import Scene
 
-BACKWARD = 1e-9  # measured: below 1e-12 for 10⁵ unknowns in 2D, at rest and indefinite
+BACKWARD = 1e-9  # measured: below 1e-12 for 10⁵ unknowns in 2D, both at rest and where A is indefinite
 
 
 def residual_of(scene: Scene, q: Float[Array, " unknowns"], factor) -> Float[Array, " unknowns"]:
-    """r(q, λ) = S V (f + λ b), untransformed: for kernels to trace."""
+    """The residual r(q, λ) = S V (f + λ b). It is not jitted, so that jitted functions can trace it."""
     return scene.unbalanced(scene.displacement(q, factor), factor).reshape(-1)[scene.unknowns]
 
 
 def _kernel(function: Any) -> Any:
-    """Jitted, its third argument, the load factor, always an array: a new load never compiles anew."""
+    """The function, jitted. Its third argument, the load factor, becomes an array, so a new load does not recompile."""
     jitted = eqx.filter_jit(function)
 
     @functools.wraps(function)
@@ -51,8 +55,11 @@ residual = _kernel(residual_of)
 
 @_kernel
 def residual_and_scale(scene: Scene, q, factor) -> tuple[Array, Array]:
-    """r, and the force it is measured by: the largest of ‖V f‖ over all points (reactions too), ‖λ V b‖ and the root
-    mean square over points of V_i Σ_j V_j |T_ij|, which a periodic body keeps where nothing reacts."""
+    """The residual r and the force by which it is divided to make it relative.
+
+    That force is the largest of three: ‖V f‖ over all points, reactions included; ‖λ V b‖; and the root mean square
+    over the points of V_i Σ_j V_j |T_ij|. The third is not zero in a stretched periodic body without reactions.
+    """
     families, V = scene.families, scene.families.volumes[:, None]
     bonds = families.bonds(scene.displacement(q, factor), scene.mean_deformation(factor))
     # Both numbers come from the force states of all bonds, so that the program holds the model's force only once.
@@ -67,8 +74,11 @@ def residual_and_scale(scene: Scene, q, factor) -> tuple[Array, Array]:
 
 
 def relative(size, scale) -> Any:
-    """A residual's size by its scale; 0 where both are 0, and a size by no scale is infinite: it never converged. NaN
-    where the scale is beyond all numbers of its precision."""
+    """The size of a residual divided by its scale.
+
+    It is 0 if both are 0, and infinite if only the scale is 0, so that such a state does not count as converged. It is
+    NaN if the scale is not finite, for example after an overflow.
+    """
     if not is_concrete(size, scale):
         left = size / jnp.where((size == 0) & (scale == 0), 1.0, scale)
         return jnp.where(jnp.isfinite(scale), left, jnp.nan)
@@ -106,7 +116,7 @@ def product_rate(scene: Scene, u, factor, du, v) -> Float[Array, " unknowns"]:
 
 
 def matrix(scene: Scene, u, factor=1.0) -> sp.csc_array:
-    """A (unknowns, unknowns) at the displacement u, sparse; made exactly symmetric for a model with an energy."""
+    """The sparse A (unknowns, unknowns) at the displacement u; exactly symmetric for a model with an energy."""
     J = jacobian(scene.model, scene.families, u, "sparse", scene.mean_deformation(factor))
     keep = np.asarray(scene.unknowns)
     A = (sp.diags_array(unknown_volumes(scene)) @ J[keep][:, keep]).tocsc()
@@ -118,18 +128,22 @@ def unknown_volumes(scene: Scene) -> np.ndarray:
     return np.repeat(np.asarray(scene.families.volumes), scene.families.dim)[np.asarray(scene.unknowns)]
 
 
-CHEAP = 50_000_000  # entries of a factor up to which U is copied: 0.6 GB
+CHEAP = 50_000_000  # entries of L and U up to which U is copied to count eigenvalues: 0.6 GB
 
 
 class Singular(Exception):
-    """The matrix could not be factorised, or its factor does not solve."""
+    """The matrix could not be factorised, or its factorisation is too inaccurate."""
 
 
 class Factor:
-    """P A Pᵀ = L D Lᵀ of a symmetric sparse matrix (of a general one: LU with pivoting, and no counts)."""
+    """The matrix factorisation P A Pᵀ = L D Lᵀ of a symmetric sparse matrix.
+
+    For a general matrix it is an LU factorisation with pivoting, which does not count eigenvalues.
+    """
 
     def __init__(self, A: sp.csc_array, symmetric: bool = True):
-        import scipy.sparse.linalg as sla  # here and elsewhere late: with scipy.linalg it takes a quarter of a second
+        # Imported here, as in other functions, because this import and scipy.linalg take a quarter of a second.
+        import scipy.sparse.linalg as sla
 
         self.matrix, self.symmetric = A, symmetric
         try:
@@ -146,10 +160,13 @@ class Factor:
             size = sla.norm(A, np.inf) * np.linalg.norm(x, np.inf) + np.linalg.norm(b, np.inf)
             self.backward = float(np.linalg.norm(A @ x - b, np.inf) / size)
         if not self.backward < BACKWARD:
-            raise Singular(f"its factor does not solve: backward error {self.backward:.1e}")
+            raise Singular(
+                f"the matrix factorisation is too inaccurate: its backward error is {self.backward:.1e}, allowed is"
+                f" {BACKWARD:.0e}; the matrix is singular or nearly so"
+            )
 
     def solve(self, b: np.ndarray, transposed: bool = False) -> np.ndarray:
-        """A⁻¹ b, refined once."""
+        """A⁻¹ b with one step of iterative refinement."""
         how = "T" if transposed and not self.symmetric else "N"
         A = self.matrix.T if how == "T" else self.matrix
         x = self._lu.solve(np.asarray(b), trans=how)
@@ -157,23 +174,25 @@ class Factor:
 
     @property
     def cheap(self) -> bool:
-        """Whether `positive` costs nothing much."""
+        """Whether the pivots can be read in little memory, so that `positive` takes little time."""
         return self._lu.nnz <= CHEAP
 
     @property
     def positive(self) -> int:
-        """How many eigenvalues of A are positive: the signs of the pivots, or by blocks where they are many."""
+        """Number of positive eigenvalues of A, from the signs of the pivots; from blocks for a large matrix."""
         if self.symmetric and not self.cheap:
             return count_by_blocks(self.matrix)
         if not self.symmetric or not np.array_equal(self._lu.perm_r, self._lu.perm_c):
-            raise Singular("rows and columns were permuted differently: the pivots do not count eigenvalues")
+            raise Singular(
+                "rows and columns were permuted differently, so the signs of the pivots do not count eigenvalues"
+            )
         return int((self._lu.U.diagonal() > 0).sum())
 
 
 def count_by_blocks(A: sp.csc_array) -> int:
-    """How many eigenvalues of a symmetric sparse A are positive, by the block recursion of the module's head.
+    """Number of positive eigenvalues of a symmetric sparse A, by the block recursion of the module docstring.
 
-    Costs 3.3 b² per row for bandwidth b, and a few b × b arrays.
+    For the bandwidth b it takes 3.3 b² operations a row and the memory of a few b × b arrays.
     """
     from scipy.linalg import LinAlgError, cholesky, eigvalsh_tridiagonal, ldl, solve, solve_triangular
     from scipy.sparse.csgraph import reverse_cuthill_mckee
@@ -207,12 +226,12 @@ def count_by_blocks(A: sp.csc_array) -> int:
 
 
 def count_positive(A: sp.csc_array) -> int:
-    """How many eigenvalues of a symmetric sparse A are positive, by whichever way costs less memory."""
+    """Number of positive eigenvalues of a symmetric sparse A, by the method that takes less memory for its size."""
     return Factor(A).positive if A.shape[0] <= 40_000 else count_by_blocks(A)
 
 
 def as_operator(apply: Any, size: int) -> Any:
-    """A jitted v ↦ A v as a SciPy operator."""
+    """The jitted function v ↦ A v as a SciPy linear operator."""
     import scipy.sparse.linalg as sla
 
     return sla.LinearOperator((size, size), matvec=lambda v: np.asarray(apply(v.reshape(-1))), dtype=float)  # type: ignore

@@ -1,11 +1,14 @@
-"""Observers: what is read off a motion at every save. A name and one of these is all that `simulate` needs.
+"""Observers: quantities that `simulate` evaluates at every save of a motion.
 
-An observer is a function (scene, snapshot) → array, in JAX; any function of that kind will do. Forces are those of the
-body: a section transmits the net internal force on all that lies beyond it,
+A save is a state that a run stores. An observer is any JAX function (scene, snapshot) → array. `simulate` and
+`simulate_diffrax` take a dictionary, name → observer, and return the values of all saves in `History.observed`.
 
-    F = −Σ_{beyond} V f        (pairs within one side cancel: what is left crossed the section)
+The force through a section is minus the net internal force on all points beyond the section:
 
-which is a nonlocal body's own definition: no area, no stress field. In tension along e it points along +e.
+    F = −Σ_{beyond} V f
+
+The forces between two points on the same side cancel in this sum, so only forces that cross the section remain. This
+definition suits a nonlocal body: it needs neither an area nor a stress field. In tension along e, F points along +e.
 """
 
 from typing import Any, NamedTuple
@@ -21,7 +24,31 @@ from .scene import Scene
 
 
 class Snapshot(NamedTuple):
-    """A moment of a motion: time, load factor λ, u, v and V (f + λ b) [force] of all points."""
+    """State of a motion at one save, as an observer receives it.
+
+    Attributes
+    ----------
+    t : array, shape ()
+        Time [time].
+    factor : array, shape ()
+        Load factor λ [-].
+    u : array, shape (points, dim)
+        Displacements [length].
+    v : array, shape (points, dim)
+        Velocities [length/time].
+    force : array, shape (points, dim)
+        V (f + λ b) [force]: internal and body forces. On held components it is minus the reaction.
+
+    Examples
+    --------
+    An observer of your own, here the largest speed, reads a snapshot:
+
+    >>> fastest = lambda scene, now: jnp.max(jnp.abs(now.v))
+    >>> still = jnp.zeros((3, 1))
+    >>> now = pd.observers.Snapshot(0.0, 1.0, still, still + 2.0, still)
+    >>> float(fastest(None, now))
+    2.0
+    """
 
     t: Float[Array, ""]
     factor: Float[Array, ""]
@@ -36,7 +63,30 @@ def _check_points(points: np.ndarray, mask: int | None, scene: Scene) -> None:
 
 
 def check_observers(scene: Scene, observers: dict[str, Any]) -> None:
-    """Ask every observer that can tell whether it fits the scene. JAX would read another point without a word."""
+    """Check that observers are functions and that the points they name belong to the body.
+
+    Without this check JAX would silently read another point for a point number outside the body.
+
+    Parameters
+    ----------
+    scene : Scene
+        The scene of the motion.
+    observers : dict of str to function
+        Functions (scene, snapshot) → array. An observer with a method `check(scene)` is asked to check itself.
+
+    Raises
+    ------
+    ValueError
+        If `observers` is not a dictionary of functions, or if an observer names a point that the body does not have.
+
+    Examples
+    --------
+    >>> scene = pd.scenes.step_size_bar(21)
+    >>> pd.observers.check_observers(scene, {"tip": pd.observers.probe([21])})
+    Traceback (most recent call last):
+    ...
+    ValueError: an observer names point 21; the body has points 0 to 20
+    """
     if not isinstance(observers, dict):
         raise ValueError(f"observers must be a dict, name → function (scene, snapshot); got {observers!r:.80}")
     for name, observer in observers.items():
@@ -47,13 +97,37 @@ def check_observers(scene: Scene, observers: dict[str, Any]) -> None:
 
 
 class Probe(eqx.Module):
-    """u (points named, dim) [length]."""
+    """Observer of the displacements of points. Made by `probe`.
+
+    Parameters
+    ----------
+    points : array of int, shape (selected,)
+        Point numbers.
+    mask : int, optional
+        Number of points of the body, where the points came from a mask.
+
+    Examples
+    --------
+    >>> pd.observers.Probe(np.array([2, 3])).points
+    array([2, 3])
+    """
 
     points: np.ndarray
     mask: int | None = eqx.field(static=True, default=None, kw_only=True)
 
     def check(self, scene: Scene) -> None:
-        """Refuse points that the body does not have."""
+        """Check that the body of a scene has the points.
+
+        Parameters
+        ----------
+        scene : Scene
+            The scene of the motion.
+
+        Raises
+        ------
+        ValueError
+            If the body does not have one of the points, or if the mask is that of a body of another size.
+        """
         _check_points(self.points, self.mask, scene)
 
     def __call__(self, scene: Scene, now: Snapshot) -> Float[Array, "named dim"]:
@@ -61,13 +135,39 @@ class Probe(eqx.Module):
 
 
 class Reaction(eqx.Module):
-    """Σ R (dim,) [force]: the force that supports exert on the points named; zero on free components."""
+    """Observer of the force that the supports exert on points. Made by `reaction`.
+
+    Σ R, R = −V (f + λ b) on held components, 0 on free components
+
+    Parameters
+    ----------
+    points : array of int, shape (selected,)
+        Point numbers.
+    mask : int, optional
+        Number of points of the body, where the points came from a mask.
+
+    Examples
+    --------
+    >>> pd.observers.Reaction(np.array([0, 1])).points
+    array([0, 1])
+    """
 
     points: np.ndarray
     mask: int | None = eqx.field(static=True, default=None, kw_only=True)
 
     def check(self, scene: Scene) -> None:
-        """Refuse points that the body does not have."""
+        """Check that the body of a scene has the points.
+
+        Parameters
+        ----------
+        scene : Scene
+            The scene of the motion.
+
+        Raises
+        ------
+        ValueError
+            If the body does not have one of the points, or if the mask is that of a body of another size.
+        """
         _check_points(self.points, self.mask, scene)
 
     def __call__(self, scene: Scene, now: Snapshot) -> Float[Array, " dim"]:
@@ -76,13 +176,39 @@ class Reaction(eqx.Module):
 
 
 class SectionForce(eqx.Module):
-    """F (dim,) [force] through the section beyond which the points named lie, in a body of `mask` points."""
+    """Observer of the force through a section of the body. Made by `section_force`.
+
+    F = −Σ_{beyond} V f
+
+    Parameters
+    ----------
+    beyond : array of int, shape (selected,)
+        Numbers of the points beyond the section.
+    mask : int, optional
+        Number of points of the body.
+
+    Examples
+    --------
+    >>> pd.observers.SectionForce(np.array([3, 4]), mask=5).beyond
+    array([3, 4])
+    """
 
     beyond: np.ndarray
     mask: int | None = eqx.field(static=True, default=None, kw_only=True)
 
     def check(self, scene: Scene) -> None:
-        """Refuse points that the body does not have."""
+        """Check that the body of a scene has the points.
+
+        Parameters
+        ----------
+        scene : Scene
+            The scene of the motion.
+
+        Raises
+        ------
+        ValueError
+            If the body does not have one of the points, or if the mask is that of a body of another size.
+        """
         _check_points(self.beyond, self.mask, scene)
 
     def __call__(self, scene: Scene, now: Snapshot) -> Float[Array, " dim"]:
@@ -91,33 +217,113 @@ class SectionForce(eqx.Module):
 
 
 def probe(points) -> Probe:
-    """Displacements of the points named (a mask or point numbers) [length]."""
+    """Observe the displacements of points.
+
+    Parameters
+    ----------
+    points : array of bool, shape (points,), or of int, shape (selected,)
+        The observed points: a mask over all points of the body, or their numbers.
+
+    Returns
+    -------
+    Probe
+        An observer with values of shape (selected, dim) [length].
+
+    Raises
+    ------
+    ValueError
+        If `points` is empty, names a point twice, or is neither a mask nor point numbers.
+
+    Examples
+    --------
+    Observe the right side of a lattice. Pass `watch` to `simulate` as `observers`:
+
+    >>> body = pd.lattice((5, 4))
+    >>> watch = {"right side": pd.observers.probe(body.positions[:, 0] > 4)}
+    >>> watch["right side"].points
+    array([16, 17, 18, 19])
+    """
     numbers, mask = point_numbers(points)
     return Probe(numbers, mask=mask)
 
 
 def reaction(points) -> Reaction:
-    """The force of the supports on the points named [force], all together."""
+    """Observe the total force that the supports exert on points.
+
+    Σ R, R = −V (f + λ b) on held components, 0 on free components
+
+    Parameters
+    ----------
+    points : array of bool, shape (points,), or of int, shape (selected,)
+        The observed points: a mask over all points of the body, or their numbers.
+
+    Returns
+    -------
+    Reaction
+        An observer with values of shape (dim,) [force].
+
+    Raises
+    ------
+    ValueError
+        If `points` is empty, names a point twice, or is neither a mask nor point numbers.
+
+    Examples
+    --------
+    The support of a bar at rest carries no load before the bar has moved, then it resists the pull of 0.01:
+
+    >>> body = pd.bar(3, 3.0)
+    >>> held, pull = pd.prescribe([0], 0.0), pd.total_force([2], [0.01])
+    >>> motion = pd.motion(pd.scene(body, pd.families(body, 1.0), pd.BondBased(1.0), held, pull), damping=1.0)
+    >>> watch = {"support": pd.observers.reaction([0])}
+    >>> history = pd.simulate(motion, 60.0, dt=0.5, save_every=120, observers=watch, show_progress=False)
+    >>> np.round(history.observed["support"][:, 0], 4) + 0.0
+    array([ 0.  , -0.01])
+    """
     numbers, mask = point_numbers(points)
     return Reaction(numbers, mask=mask)
 
 
 def section_force(body: Points, position: float, axis: int = 0) -> SectionForce:
-    """The force through the plane at `position` [length] across `axis`, that of the side beyond it.
+    """Observe the force through a plane section of a body.
 
-    Raises: ValueError if no point or every point lies beyond it.
+    F = −Σ_{beyond} V f
+
+    Parameters
+    ----------
+    body : Points
+        The body of the scene. It must not be periodic along `axis`.
+    position : float
+        Coordinate [length] of the section along `axis`.
+    axis : int, optional
+        Direction of the normal of the section. Default 0.
+
+    Returns
+    -------
+    SectionForce
+        An observer with values of shape (dim,) [force], positive along the normal in tension.
+
+    Raises
+    ------
+    ValueError
+        If no point or every point lies beyond the section, if the body has no such axis, or if it is periodic along it.
+
+    Examples
+    --------
+    >>> body = pd.bar(5, 5.0)
+    >>> pd.observers.section_force(body, 2.8).beyond
+    array([3, 4])
     """
     if not 0 <= axis < body.dim:
         raise ValueError(f"axis must lie in 0 to {body.dim - 1} for this body; got {axis}")
     if body.period is not None and np.isfinite(body.period[axis]):
         raise ValueError(
-            f"the body is periodic along axis {axis}: a second section closes the box and the two cancel; its stress is"
-            " `pdjax.piola_stress` or `pdjax.stress`"
+            f"the body is periodic along axis {axis}, so one section does not divide it into two sides: the forces"
+            " through the section and across the period cancel; use `pdjax.piola_stress` or `pdjax.stress` instead"
         )
     x = body.positions[:, axis]
     beyond = np.flatnonzero(x > position)
     if len(beyond) in (0, len(x)):
         raise ValueError(
-            f"a section at {position} leaves one side empty: the body's points lie in {x.min()}, {x.max()}"
+            f"a section at {position} leaves one side empty: the points of the body lie between {x.min()} and {x.max()}"
         )
     return SectionForce(beyond, mask=len(x))

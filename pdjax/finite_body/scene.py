@@ -1,13 +1,20 @@
-"""A scene: a body, its families and model, what holds it and what loads it; and the checks that it is a problem.
+"""The boundary value problem of a finite body, and the checks that it is well posed.
 
-Unknowns are the free components of u; the held ones are eliminated. With S the selection of the free components,
+A scene combines a body, its families, a material model, supports and loads. The unknowns q are the free components
+of the displacement u. The held components are eliminated. Let S be the matrix that selects the free components (one
+row of the identity for each of them). Then the residual r, the displacement and the reduced Jacobian A are
 
     r(q) = S V (f(u) + λ b),   u = λ û + Sᵀ q,      A = ∂r/∂q = S V J Sᵀ
 
-λ is the load factor: prescribed displacements û, body forces b and the mean deformation of a periodic body grow
-with it. V J is the exact Hessian of −Π, so A is symmetric for a model with an energy; a minimum of the potential
-energy has A negative definite. Rigid motions that nothing holds make A singular: they are looked for in every
-connected piece of the body (pieces that no bond joins) and named.
+f is the net internal force density, J = ∂f/∂u its Jacobian, V the diagonal matrix of the volumes of the points, b the
+body force density and û the prescribed displacement. λ is the load factor. The prescribed displacements û, the body
+forces b and the mean deformation of a periodic body grow in proportion to it.
+
+Π is the potential energy. For a model with an energy, V J is the exact Hessian of −Π, so A is symmetric. At a minimum
+of Π, A is negative definite.
+
+A rigid motion that no support prevents makes A singular. `scene` looks for such motions in every connected piece of
+the body, that is, in every set of points that no bond joins to the other points. The error message names them.
 """
 
 from collections.abc import Sequence
@@ -31,12 +38,40 @@ from .conditions import Condition, HomogeneousTraction, Prescribed, TotalForce, 
 
 
 class Scene(eqx.Module):
-    """A boundary value problem of a body. Made by `scene` or by the functions of `pdjax.scenes`.
+    """The boundary value problem of a finite body.
 
-    body, families, model; unknowns (unknowns,): where the free components stand in the flattened displacement
-    (points·dim,); prescribed (points, dim) [length], 0 where free; load (points, dim) [force/length^dim]; mean
-    (dim, dim) or None: mean deformation of a periodic body; closed_form (points, dim) [length] or None: the
-    displacement it is known to have at load factor 1; operator: its force, prepared (`prepared()`), or None.
+    `scene` and the functions of `pdjax.scenes` return one.
+
+    Attributes
+    ----------
+    body : Points
+        The points of the body.
+    families : Families
+        Families of the body.
+    model : AbstractModel
+        The material model.
+    unknowns : int array, shape (unknowns,)
+        Indices of the free components in the flattened displacement of shape (points·dim,).
+    prescribed : array, shape (points, dim)
+        Prescribed displacements [length] at load factor 1; 0 where a component is free.
+    load : array, shape (points, dim)
+        Body force density [force/length^dim] at load factor 1.
+    mean : array, shape (dim, dim), or None
+        Mean deformation gradient [-] of a periodic body at load factor 1.
+    closed_form : array, shape (points, dim), or None
+        The known displacement [length] at load factor 1.
+    name : str
+        Name of the scene in messages and figures.
+    operator : ForceOperator or None
+        The prepared force, see `prepared`.
+
+    Examples
+    --------
+    >>> body = pd.bar(2, 2.0)
+    >>> families, model = pd.families(body, 1.0), pd.SethHill(1.0, pd.LinearElastic(1.0, 0.0))
+    >>> pair = pd.scene(body, families, model, pd.prescribe(0), pd.total_force([1], [0.1]))
+    >>> pair.free.ravel()
+    array([False,  True])
     """
 
     body: Points
@@ -52,13 +87,34 @@ class Scene(eqx.Module):
 
     @property
     def free(self) -> Bool[np.ndarray, "points dim"]:
-        """Which components are unknown."""
+        """True where a component of the displacement is unknown; bool array of shape (points, dim)."""
         flags = np.zeros(self.prescribed.size, dtype=bool)
         flags[np.asarray(self.unknowns)] = True
         return flags.reshape(self.prescribed.shape)
 
     def displacement(self, q: Float[Array | np.ndarray, " unknowns"], factor=1.0) -> Float[Array, "points dim"]:
-        """u (points, dim) [length] from the free components q and the load factor."""
+        """Assemble the displacement u = λ û + Sᵀ q of all points.
+
+        Parameters
+        ----------
+        q : array, shape (unknowns,)
+            Free components of the displacement [length].
+        factor : float, optional
+            Load factor λ [-].
+
+        Returns
+        -------
+        array, shape (points, dim)
+            Displacements [length].
+
+        Examples
+        --------
+        >>> body = pd.bar(2, 2.0)
+        >>> families, model = pd.families(body, 1.0), pd.SethHill(1.0, pd.LinearElastic(1.0, 0.0))
+        >>> held = pd.scene(body, families, model, pd.prescribe(0, 0.4))
+        >>> np.asarray(held.displacement(np.array([3.0]), factor=0.5)).ravel()
+        array([0.2, 3. ])
+        """
         shape, dtype = self.prescribed.shape, self.prescribed.dtype
         if is_concrete(self.prescribed, self.unknowns, q, factor):
             u = np.asarray(factor, dtype) * np.asarray(self.prescribed)
@@ -68,7 +124,26 @@ class Scene(eqx.Module):
         return flat.at[self.unknowns].set(q).reshape(shape)
 
     def mean_deformation(self, factor=1.0):
-        """I + λ (F − I), or None."""
+        """Mean deformation gradient I + λ (F − I) of a periodic body at a load factor.
+
+        Parameters
+        ----------
+        factor : float, optional
+            Load factor λ [-].
+
+        Returns
+        -------
+        array, shape (dim, dim), or None
+            Mean deformation gradient [-]. None if the scene prescribes no mean deformation.
+
+        Examples
+        --------
+        >>> ring = pd.lattice((11,), periodic=True)
+        >>> families, model = pd.families(ring, 2.0), pd.SethHill(1.0, pd.LinearElastic(1.0, 0.0))
+        >>> stretched = pd.scene(ring, families, model, pd.prescribe(0), mean=[[1.2]])
+        >>> round(float(stretched.mean_deformation(0.5)[0, 0]), 3)
+        1.1
+        """
         if self.mean is None:
             return None
         xp = namespace(self.mean, factor)
@@ -77,19 +152,58 @@ class Scene(eqx.Module):
         return on_device(eye + factor * (mean - eye))
 
     def prepared(self) -> "Scene":
-        """The same scene with all of its force that does not depend on u computed: for loops of many evaluations."""
+        """Copy the scene with a prepared force operator, for loops of many force evaluations.
+
+        The operator holds every part of the force that does not depend on the displacement.
+
+        Returns
+        -------
+        Scene
+            The same scene with its field `operator` set.
+
+        Examples
+        --------
+        >>> body = pd.bar(2, 2.0)
+        >>> families, model = pd.families(body, 1.0), pd.SethHill(1.0, pd.LinearElastic(1.0, 0.0))
+        >>> pair = pd.scene(body, families, model, pd.prescribe(0))
+        >>> pair.operator is None, pair.prepared().operator is None
+        (True, False)
+        """
         operator = force_operator(self.model, self.families, mean=self.mean is not None)
         return eqx.tree_at(lambda s: s.operator, self, operator, is_leaf=lambda x: x is None)
 
     def unbalanced(self, u: Float[Array, "points dim"], factor=1.0) -> Float[Array, "points dim"]:
-        """V (f + λ b) [force] on every point; where held, minus the reaction."""
+        """Unbalanced force V (f + λ b) on every point.
+
+        On a free component it is zero in equilibrium. On a held component it is minus the reaction of the support.
+
+        Parameters
+        ----------
+        u : array, shape (points, dim)
+            Displacements [length].
+        factor : float, optional
+            Load factor λ [-].
+
+        Returns
+        -------
+        array, shape (points, dim)
+            Force [force].
+
+        Examples
+        --------
+        >>> body = pd.bar(2, 2.0)
+        >>> families, model = pd.families(body, 1.0), pd.SethHill(1.0, pd.LinearElastic(1.0, 0.0))
+        >>> pair = pd.scene(body, families, model, pd.prescribe(0), pd.total_force([1], [0.1]))
+        >>> np.asarray(pair.unbalanced(np.zeros((2, 1)))).ravel()
+        array([0. , 0.1])
+        """
         F = self.mean_deformation(factor)
         f = force_density(self.model, self.families, u, F) if self.operator is None else self.operator(u, F)
         return self.families.volumes[:, None] * (f + factor * self.load)
 
 
 def _spread(value: Any, shape: tuple[int, int], name: str) -> Any:
-    """`value` for every point named and component: a NumPy array if it is known."""
+    """Broadcast `value` to every named point and component; the result is a NumPy array if `value` is concrete."""
     try:
         return namespace(value).broadcast_to(value, shape)
     except ValueError:
@@ -101,7 +215,7 @@ def _check_points(condition: Condition, points: int) -> np.ndarray:
 
 
 def _put(array: Any, index: tuple[np.ndarray, ...], new: Any, add: bool = False) -> Any:
-    """The array with `new` set at the index, or added to what is there: in place where all is known."""
+    """The array with `new` set at the index or added to it; concrete arrays are changed in place."""
     if namespace(array, new) is np:
         array[index] = new + array[index] if add else new
         return array
@@ -110,7 +224,10 @@ def _put(array: Any, index: tuple[np.ndarray, ...], new: Any, add: bool = False)
 
 
 def _prescribe(conditions: Sequence[Condition], shape: tuple[int, int], eps: float) -> tuple[np.ndarray, Any]:
-    """(held (points, dim), their values); refuses values for one component that differ by more than eps."""
+    """Which components are held, (points, dim), and their values.
+
+    Raises ValueError if two prescriptions of one component differ by more than eps, relative to the larger value.
+    """
     held = np.zeros(shape, dtype=bool)
     value: Any = np.zeros(shape, jnp.result_type(float))
     for condition in conditions:
@@ -169,7 +286,7 @@ def _load(conditions: Sequence[Condition], body: Points, families: Families, mod
             i, k = np.argwhere(clash)[0]
             raise ValueError(
                 f"a load on a held component does nothing: component {k} of point {p[i]} is prescribed and loaded"
-                f" ({int(clash.sum())} such components); leave one of the two away"
+                f" ({int(clash.sum())} such components); remove one of the two"
             )
         if is_concrete(b) and not np.isfinite(np.asarray(b)).all():
             raise ValueError("a load must be finite; it holds NaN or infinity")
@@ -178,7 +295,7 @@ def _load(conditions: Sequence[Condition], body: Points, families: Families, mod
 
 
 def _rigid_motions(positions: np.ndarray, periodic: bool) -> tuple[np.ndarray, list[str]]:
-    """Infinitesimal rigid motions (motions, points, dim) of unit size and their names."""
+    """Infinitesimal rigid motions (motions, points, dim), of unit size, and their names."""
     points, dim = positions.shape
     axes = "xyz"[:dim]
     motions, names = [], []
@@ -198,17 +315,23 @@ def _rigid_motions(positions: np.ndarray, periodic: bool) -> tuple[np.ndarray, l
 
 
 def _name_motions(loose: np.ndarray, names: list[str], dim: int) -> list[str]:
-    """Names of free motions (motions, coefficients): what turns at all is a rotation, about some held point."""
+    """Names of the free motions, given as coefficients (motions, coefficients) of the named rigid motions.
+
+    A mixture of rotation and translation is a rotation about some held point, so it gets the name of the rotation.
+    """
     size, directions = np.linalg.svd(loose, full_matrices=False)[1:]
     span = directions[size > 1e-9 * size[0]]
-    share = np.sum(span**2, axis=0)  # how much of each motion is free
+    share = np.sum(span**2, axis=0)  # the fraction of each named motion that is free
     pure = [k for k in range(len(names)) if share[k] > 1 - 1e-6]
     mixed = sorted((k for k in range(len(names)) if k not in pure), key=lambda k: (k < dim, -share[k]))
     return [names[k] for k in sorted([*pure, *mixed[: len(span) - len(pure)]])]
 
 
 def _check_held(body: Points, families: Families, held: np.ndarray) -> None:
-    """Refuse rigid motions that nothing holds, by name, piece by piece; under a transformation it can't look."""
+    """Raise ValueError that names the rigid motions of each connected piece that no support prevents.
+
+    Families that are traced by a JAX transformation are not checked, since their values are unknown.
+    """
     if not is_concrete(families):
         return
     from scipy.sparse.csgraph import connected_components
@@ -221,7 +344,7 @@ def _check_held(body: Points, families: Families, held: np.ndarray) -> None:
         inside = np.flatnonzero(label == piece)
         motions, names = _rigid_motions(body.positions[inside], body.period is not None)
         flat = motions.reshape(len(names), -1)
-        # motions that move something, orthonormal: points on a line can't turn about it
+        # Only motions that move a point enter the orthonormal basis: points on a line cannot rotate about the line.
         size, mix = np.linalg.eigh(flat @ flat.T)
         basis = (mix / np.sqrt(np.maximum(size, np.finfo(float).tiny))).T[size > 1e-10 * size[-1]]
         at_held = np.einsum("mk,kh->mh", basis, motions[:, held[inside]])  # (motions, held components)
@@ -230,7 +353,7 @@ def _check_held(body: Points, families: Families, held: np.ndarray) -> None:
         loose = directions[grip <= 1e-9 * np.sqrt(max(1, at_held.shape[1]) / flat.shape[1])] @ basis
         if len(loose):
             names = _name_motions(loose, names, body.dim)
-            where = "the body" if pieces == 1 else f"piece {piece + 1} of {pieces} (the one of point {inside[0]})"
+            where = "the body" if pieces == 1 else f"piece {piece + 1} of {pieces} (it contains point {inside[0]})"
             raise ValueError(
                 f"{where} is under-constrained: nothing holds its {', '.join(names)}"
                 f" ({len(loose)} rigid motions free); prescribe displacements that stop them, or make the scene with"
@@ -239,12 +362,12 @@ def _check_held(body: Points, families: Families, held: np.ndarray) -> None:
 
 
 def _check_conditions(conditions: Sequence[Any]) -> None:
-    """Refuse what is no condition."""
+    """Raise ValueError for an argument that is not a condition."""
     for condition in conditions:
         if isinstance(condition, list | tuple) and not isinstance(condition, Condition):
             raise ValueError(
-                "conditions are given one by one, scene(body, families, model, held, pulled): put a star before a list of"
-                " them, *conditions"
+                "conditions must be given one by one, as in scene(body, families, model, held, pulled); got a"
+                f" {type(condition).__name__}: unpack it with a star, *conditions"
             )
         if not isinstance(condition, Condition):
             raise ValueError(f"conditions must come from prescribe, body_force, total_force …; got {condition!r:.80}")
@@ -261,24 +384,60 @@ def scene(
     moving: bool = False,
     name: str = "scene",
 ) -> Scene:
-    """A boundary value problem: a body, a model and its conditions.
+    """Make the boundary value problem of a body from its model, supports and loads.
 
-    Arguments: body, families = families(body, …), model; conditions from `prescribe`, `body_force`, `total_force`,
-        `homogeneous_traction`; mean (dim, dim) mean deformation of a periodic body at load factor 1; closed_form
-        (points, dim) [length], a displacement known to solve it or to be compared with it; moving: for dynamics, where
-        rigid motions need not be held.
-    Raises: ValueError for families of another body, contradictory prescriptions, a load on a held component,
-        nothing left free, or a rigid motion of a piece that nothing holds (named).
+    Parameters
+    ----------
+    body : Points
+        The points of the body.
+    families : Families
+        Families of this body, from `families`.
+    model : AbstractModel
+        The material model.
+    *conditions : Prescribed, BodyForce, TotalForce or HomogeneousTraction
+        Supports and loads at load factor 1, from `prescribe`, `body_force`, `total_force`, `homogeneous_traction`.
+    mean : array, shape (dim, dim), optional
+        Mean deformation gradient [-] of a periodic body at load factor 1.
+    closed_form : array, shape (points, dim), optional
+        A displacement [length] that is known to solve the problem, or that the solution is compared with.
+    moving : bool, optional
+        True for dynamics: then the supports need not prevent rigid motions.
+    name : str, optional
+        Name of the scene in messages and figures.
+
+    Returns
+    -------
+    Scene
+        The boundary value problem. Pass it to `solve`, `equilibrium_path`, `body_stability` or `motion`.
+
+    Raises
+    ------
+    ValueError
+        If the families belong to another body, two prescriptions contradict each other, a load acts on a held
+        component, every component is held, or the supports leave a rigid motion of a connected piece free. The
+        message names the points or the motions.
+
+    Examples
+    --------
+    >>> body = pd.lattice((5, 4))
+    >>> families, model = pd.families(body, horizon=2.1), pd.SethHill(1.0, pd.LinearElastic(1.0, 1.0))
+    >>> left = body.positions[:, 0] < 1
+    >>> plate = pd.scene(body, families, model, pd.prescribe(left), pd.body_force(~left, [0.01, 0.0]))
+    >>> plate.unknowns.size  # 20 points with two components each, 4 points held
+    32
     """
     check_body("body", body)
-    check_model(model, families, Families)  # refuses families the model can't use
+    check_model(model, families, Families)  # raises for families that the model cannot use
     _check_conditions(conditions)
     if len(families) != len(body) or families.dim != body.dim:
         raise ValueError(
-            f"families must be families of this body of {len(body)} points; got those of {len(families)} points"
+            f"families must be families of this body of {len(body)} points in {body.dim}D; got those of"
+            f" {len(families)} points in {families.dim}D: make them with pdjax.families(body, horizon)"
         )
     if mean is not None and body.period is None:
-        raise ValueError("mean deformation is for periodic bodies; prescribe displacements of this one instead")
+        raise ValueError(
+            "mean deformation is for periodic bodies only; this body is not periodic: prescribe displacements instead"
+        )
     shape = (len(body), body.dim)
     held, value = _prescribe(conditions, shape, 16 * float(jnp.finfo(families.dtype).eps))
     if held.all():
@@ -307,7 +466,10 @@ def scene(
 
 
 def frozen(scene: Any) -> Any:
-    """The scene with no derivative flowing through it: itself, with all that its families remember, if all is known."""
+    """The scene as a constant, through which no derivative flows.
+
+    A concrete scene is returned unchanged, so that the cached data of its families stay in use.
+    """
     if is_concrete(scene):
         return scene
     arrays = jax.lax.stop_gradient(eqx.filter(scene, eqx.is_array))

@@ -1,12 +1,18 @@
-"""The body criterion: the spectrum of the exact Jacobian of a finite body with its surfaces, clamps and loads.
+"""Stability of a finite body: the spectrum of its exact Jacobian, with its surfaces, supports and loads.
 
     H = V^{-½} A V^{-½} = S V^½ J V^{-½} Sᵀ,     H w = λ w,   v = V^{-½} w     (A, S: `pdjax.finite_body.scene`)
 
-H is symmetric for a model with an energy and has J's eigenvalues on the free components. λ < 0 throughout: a
-minimum of the potential energy; λ > 0: a perturbation along v grows at the rate √(λ/ρ).
+J is the Jacobian of the force density, V the volumes of the points and A the reduced Jacobian. In this module λ is an
+eigenvalue, not the load factor. H is symmetric for a model with an energy. Its eigenvalues are those of J on the free
+components. If every λ is negative, the state is a minimum of the potential energy. If a λ is positive, a
+perturbation along its mode v grows at the rate √(λ/ρ), where ρ is the mass density.
 
-Three ways, by size: all of `eigh`; shift and invert with sparse factors, whose inertia proves that no eigenvalue was
-passed over; Lanczos on JVPs alone, which stores no matrix and proves nothing about the count.
+Three methods compute the largest eigenvalues. The size of the body decides which one is used by default:
+
+- dense: `numpy.linalg.eigh` computes all eigenvalues.
+- sparse: Lanczos iteration in shift-and-invert mode with sparse matrix factorisations. Their inertia (the number of
+  positive eigenvalues) proves that no eigenvalue was missed.
+- matrix_free: Lanczos iteration with Jacobian-vector products. It stores no matrix and does not count eigenvalues.
 """
 
 from typing import Any
@@ -23,17 +29,40 @@ from ..force.fields import point_field
 from .factorisation import Factor, Singular, as_operator, count_positive, matrix, product, unknown_volumes
 from .scene import Scene
 
-DENSE = 1500  # unknowns up to which all eigenvalues cost less than two factorisations and their Lanczos runs (0.5 s)
-SPARSE = 250_000  # unknowns up to which a factor is tried: 10⁵ in 2D take 4 GB
+DENSE = 1500  # unknowns up to which all eigenvalues take less time than two sparse factorisations and Lanczos (0.5 s)
+SPARSE = 250_000  # unknowns up to which sparse factorisations are used: 10⁵ unknowns in 2D take 4 GB
 METHODS = ("auto", "dense", "sparse", "matrix_free")
 
 
 class BodyStability(eqx.Module):
-    """The answer of `body_stability`.
+    """Result of `body_stability`: the largest eigenvalue of the Jacobian of a body, its mode and the verdict.
 
-    eigenvalue: the largest of J on the free components [force/length^(dim+1)]; mode (points, dim), unit length;
-    residual ‖J v − λ v‖ in the norm where H is symmetric; norm: ‖H‖; positive: how many exceed `tolerance`, None
-    if not counted; eigenvalues: the ones computed, largest first.
+    Attributes
+    ----------
+    eigenvalue : float
+        Largest eigenvalue of J on the free components [force/length^(dim+1)].
+    positive : int or None
+        Number of eigenvalues above `tolerance`. None if they were not counted (method "matrix_free").
+    mode : array, shape (points, dim)
+        Mode of the largest eigenvalue, of unit length; 0 on held components.
+    residual : float
+        ‖H w − λ w‖ of the largest eigenvalue [force/length^(dim+1)].
+    norm : float
+        ‖H‖, the largest absolute eigenvalue [force/length^(dim+1)].
+    tolerance : float
+        Eigenvalues between −tolerance and tolerance count as zero [force/length^(dim+1)].
+    eigenvalues : array, shape (count,)
+        The computed eigenvalues, largest first [force/length^(dim+1)].
+    method : str
+        The method that was used: "dense", "sparse" or "matrix_free".
+    factorisations : int
+        Number of sparse matrix factorisations.
+
+    Examples
+    --------
+    >>> result = pd.body_stability(pd.scenes.step_size_bar(20, N=3, strain=-0.1))
+    >>> result.verdict, result.kind, result.positive
+    ('unstable', 'saddle', 5)
     """
 
     eigenvalue: float
@@ -48,14 +77,17 @@ class BodyStability(eqx.Module):
 
     @property
     def verdict(self) -> str:
-        """ "stable", "marginal" (zero within rounding) or "unstable"."""
+        """Verdict "stable", "marginal" or "unstable". It is marginal if the largest eigenvalue is zero to rounding."""
         if self.eigenvalue > self.tolerance:
             return "unstable"
         return "stable" if self.eigenvalue < -self.tolerance else "marginal"
 
     @property
     def kind(self) -> str:
-        """What an equilibrium is: "minimum", "degenerate" or "saddle" of the potential energy."""
+        """Kind of stationary point of the potential energy: "minimum", "degenerate" or "saddle".
+
+        It says what an equilibrium is, and has no meaning at other states.
+        """
         return {"stable": "minimum", "marginal": "degenerate", "unstable": "saddle"}[self.verdict]
 
     def __str__(self) -> str:
@@ -67,9 +99,9 @@ class BodyStability(eqx.Module):
 
 
 def closed_form(scene: Scene, instead: str) -> Array:
-    """The scene's closed form; ValueError that says what to pass `instead` where it has none."""
+    """The closed form of the scene. Without one, raises ValueError that says what to pass `instead`."""
     if scene.closed_form is None:
-        raise ValueError(f"this scene has no closed form to stand for u: pass {instead}")
+        raise ValueError(f"this scene has no closed form to use as the displacement: pass {instead}")
     return scene.closed_form
 
 
@@ -80,12 +112,15 @@ def _state(scene: Scene, u, factor) -> Array:
 
 
 def _tolerance(norm: float, dtype: Any) -> float:
-    """Eigenvalues nearer to zero are rounding: 64 eps ‖H‖ (measured noise of the zero modes of free bars: 2 to 9)."""
+    """64 eps ‖H‖. Smaller eigenvalues count as zero.
+
+    The zero modes of free bars have eigenvalues of 2 to 9 eps ‖H‖ (measured).
+    """
     return 64 * float(jnp.finfo(dtype).eps) * norm
 
 
 def _norm(H: Any) -> float:
-    """‖H‖ by a few Lanczos steps: a lower bound within a per cent."""
+    """‖H‖ from a few Lanczos steps: a lower bound, less than one per cent too small."""
     import scipy.sparse.linalg as sla
 
     if H.shape[0] < 3:
@@ -94,7 +129,7 @@ def _norm(H: Any) -> float:
 
 
 def _full(scene: Scene, w: np.ndarray, root: np.ndarray) -> np.ndarray:
-    """w of H → the unit mode v on all points."""
+    """The mode v on all points, of unit length, from the eigenvector w of H."""
     v = np.zeros(scene.prescribed.size)
     v[np.asarray(scene.unknowns)] = w / root
     v = v / np.linalg.norm(v)
@@ -103,9 +138,12 @@ def _full(scene: Scene, w: np.ndarray, root: np.ndarray) -> np.ndarray:
 
 
 def need_energy(scene: Scene) -> None:
-    """Refuse a scene whose model has no energy."""
+    """Raise ValueError for a scene whose model has no energy."""
     if not scene.model.hyperelastic:
-        raise ValueError(f"{type(scene.model).__name__} has no energy: its Jacobian is not symmetric in any volumes")
+        raise ValueError(
+            f"{type(scene.model).__name__} has no energy, so its Jacobian is not symmetric; eigenvalues of bodies are"
+            " computed for symmetric Jacobians only: choose a model with an energy (hyperelastic = True)"
+        )
 
 
 def _scaled(A: sp.csc_array, root: np.ndarray) -> sp.csc_array:
@@ -114,15 +152,16 @@ def _scaled(A: sp.csc_array, root: np.ndarray) -> sp.csc_array:
 
 
 def shifted(H: sp.csc_array, shift: float) -> sp.csc_array:
-    """H − shift: with `shift` the tolerance, what counts as zero is not positive."""
+    """H − shift · I. If `shift` is the tolerance, eigenvalues that count as zero become negative."""
     return (H - shift * sp.eye_array(H.shape[0], format="csc")).tocsc()
 
 
 def nearest(H: Any, factor: Factor, shift: float, k: int, start: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
-    """The eigenpairs of H next to `shift`, by Lanczos on (H − shift)⁻¹: at most k, at least one.
+    """The eigenpairs of H nearest to `shift`, by Lanczos iteration on (H − shift)⁻¹: at most k, at least one.
 
-    A solve is good to eps × condition, so Lanczos can't always bring k pairs to 1e-8 (the error of a value is its
-    square): those that it did are taken, or else the one that inverse iteration finds.
+    A solve has the relative error eps × condition number. Lanczos therefore cannot always bring k eigenvectors to
+    1e-8 (the error of an eigenvalue is the square of that). Then the function returns the pairs that did converge. If
+    none did, it returns one pair from inverse iteration.
     """
     import scipy.sparse.linalg as sla
 
@@ -140,7 +179,7 @@ def nearest(H: Any, factor: Factor, shift: float, k: int, start: np.ndarray | No
 
 
 def _certified_top(H: sp.csc_array, count: int, tolerance: float) -> tuple:
-    """The largest eigenvalues by shift and invert, and the number above tolerance, both proved by inertia."""
+    """The largest eigenvalues by shift and invert, and the number above the tolerance; inertia proves both."""
     import scipy.sparse.linalg as sla
 
     size, factors = H.shape[0], 0
@@ -157,7 +196,8 @@ def _certified_top(H: sp.csc_array, count: int, tolerance: float) -> tuple:
     positive, values, vectors = near(tolerance, count)
     if positive == 0:
         return values, vectors, 0, factors
-    # unstable: Lanczos without a factor finds the top to a few digits, one factor just above it proves and sharpens
+    # The state is unstable. Lanczos without a matrix factorisation gives the largest eigenvalue to a few digits. One
+    # factorisation just above it makes it exact and proves that no eigenvalue lies higher.
     rough = sla.eigsh(H, k=1, which="LA", tol=1e-4, v0=np.ones(size) + start, return_eigenvectors=False)[0]
     shift = max(rough, values[0]) + 1e-3 * max(rough, tolerance)
     for _ in range(6):
@@ -165,19 +205,49 @@ def _certified_top(H: sp.csc_array, count: int, tolerance: float) -> tuple:
         if above == 0:
             return values, vectors, positive, factors
         shift = values[0] + 2 * abs(values[0] - shift)
-    raise Singular("the top of the spectrum was not bracketed in 6 shifts")
+    raise Singular("6 shifts did not find a bound above the largest eigenvalue")
 
 
 @public_function
 @in_double
 def body_spectrum(scene: Scene, u=None, count: int | None = None, factor: float = 1.0, method: str = "auto") -> tuple:
-    """The largest eigenvalues of the reduced Jacobian, largest first, and their modes.
+    """Compute the largest eigenvalues of the Jacobian of a body on its free components, and their modes.
 
-    Arguments: scene; u (points, dim) [length], by default the scene's closed form times `factor`; count how many (None:
-        all, dense); factor the load factor; method "auto", "dense", "sparse" (shift and invert), "matrix_free".
-    Returns: eigenvalues (count,) [force/length^(dim+1)], modes (count, points, dim) of unit length, and a dictionary
-        of norm, positive (count above rounding, None if unknown), residuals, method, factorisations.
-    Raises: ValueError for a model without an energy, or no u where the scene has no closed form.
+    Parameters
+    ----------
+    scene : Scene
+        The boundary value problem.
+    u : array, shape (points, dim), optional
+        Displacements [length]. The default is the closed form of the scene times `factor`.
+    count : int, optional
+        Number of eigenvalues. The default, None, gives all of them by the dense method.
+    factor : float, optional
+        Load factor λ [-]. It scales the loads and the mean deformation.
+    method : str, optional
+        "dense" (all eigenvalues), "sparse" (shift and invert with sparse matrix factorisations), "matrix_free"
+        (Jacobian-vector products) or "auto" (chosen by the number of unknowns).
+
+    Returns
+    -------
+    values : array, shape (count,)
+        Eigenvalues, largest first [force/length^(dim+1)].
+    modes : array, shape (count, points, dim)
+        Their modes, each of unit length.
+    about : dict
+        `norm` ‖H‖; `tolerance`, below which an eigenvalue counts as zero; `positive`, the number of eigenvalues above
+        the tolerance, None if not counted; `residuals` ‖H w − λ w‖; `method`; `factorisations`, their number.
+
+    Raises
+    ------
+    ValueError
+        If the model has no energy, the forces at u are not finite, or both u and a closed form are missing.
+
+    Examples
+    --------
+    >>> bar = pd.scenes.step_size_bar(20, N=3, strain=-0.1)
+    >>> values, modes, about = pd.body_spectrum(bar, count=3)
+    >>> values.round(2), modes.shape, about["positive"]
+    (array([52.45, 45.51, 39.51]), (3, 20, 1), 5)
     """
     choice("method", method, METHODS)
     need_energy(scene)
@@ -198,8 +268,8 @@ def body_spectrum(scene: Scene, u=None, count: int | None = None, factor: float 
     else:
         H = _scaled(matrix(scene, u, factor), root)
         entries = H.data
-    if not np.isfinite(entries).all():  # derivatives of forces that are not finite are not finite either
-        raise ValueError("the forces at u are not finite: a bond collapsed to no length, or u holds NaN")
+    if not np.isfinite(entries).all():  # where a force is not finite, its derivatives are not finite either
+        raise ValueError("the forces at u are not finite: a bond has length zero, or u contains NaN")
     if method == "dense":
         values, vectors = np.linalg.eigh(H.toarray())
         values, vectors = values[::-1], vectors[:, ::-1]
@@ -234,10 +304,37 @@ def body_spectrum(scene: Scene, u=None, count: int | None = None, factor: float 
 @public_function
 @in_double
 def body_stability(scene: Scene, u=None, factor: float = 1.0, method: str = "auto") -> BodyStability:
-    """Is a finite body stable at a displacement: the largest eigenvalue of its Jacobian, its mode, and the count.
+    """Decide whether a finite body is stable at a displacement, from the largest eigenvalue of its Jacobian.
 
-    Arguments: as `body_spectrum`. Returns: `BodyStability`, with eigenpair residual below 1e-10 of the norm.
-    Raises: ValueError as `body_spectrum`.
+    Parameters
+    ----------
+    scene : Scene
+        The boundary value problem.
+    u : array, shape (points, dim), optional
+        Displacements [length]. The default is the closed form of the scene times `factor`.
+    factor : float, optional
+        Load factor λ [-]. It scales the loads and the mean deformation.
+    method : str, optional
+        "auto", "dense", "sparse" or "matrix_free", see `body_spectrum`.
+
+    Returns
+    -------
+    BodyStability
+        Verdict, largest eigenvalue, mode and number of positive eigenvalues. The residual of the eigenpair is below
+        1e-10 of ‖H‖.
+
+    Raises
+    ------
+    ValueError
+        As `body_spectrum`.
+
+    Examples
+    --------
+    A clamped bar of 20 points and horizon 3 spacings, at 10 % and at 0.5 % compression:
+
+    >>> bar = pd.scenes.step_size_bar(20, N=3, strain=-0.1)
+    >>> pd.body_stability(bar).verdict, pd.body_stability(bar, factor=0.05).verdict
+    ('unstable', 'stable')
     """
     values, modes, about = body_spectrum(scene, u, 6 if len(np.asarray(scene.unknowns)) > 7 else 1, factor, method)
     return BodyStability(
@@ -256,9 +353,32 @@ def body_stability(scene: Scene, u=None, factor: float = 1.0, method: str = "aut
 @public_function
 @in_double
 def body_inertia(scene: Scene, u=None, factor: float = 1.0) -> int:
-    """How many eigenvalues of the reduced Jacobian exceed rounding, from one sparse factor.
+    """Count the positive eigenvalues of the Jacobian of a body, from one sparse matrix factorisation.
 
-    Arguments, errors: as `body_stability`.
+    Parameters
+    ----------
+    scene : Scene
+        The boundary value problem.
+    u : array, shape (points, dim), optional
+        Displacements [length]. The default is the closed form of the scene times `factor`.
+    factor : float, optional
+        Load factor λ [-]. It scales the loads and the mean deformation.
+
+    Returns
+    -------
+    int
+        Number of eigenvalues on the free components that exceed the rounding error.
+
+    Raises
+    ------
+    ValueError
+        As `body_spectrum`.
+
+    Examples
+    --------
+    >>> bar = pd.scenes.step_size_bar(20, N=3, strain=-0.1)
+    >>> pd.body_inertia(bar), pd.body_inertia(bar, factor=0.05)
+    (5, 0)
     """
     need_energy(scene)
     u = _state(scene, u, factor)

@@ -12,6 +12,7 @@ A model's constants may vary from point to point: a leaf whose first axis is as 
 """
 
 from collections.abc import Callable
+from functools import singledispatch
 from typing import NamedTuple
 
 import equinox as eqx
@@ -147,6 +148,30 @@ def affine_stress(model: AbstractModel, family: LatticeFamily, F: Float[Array, "
 _compiled_stress = eqx.filter_jit(affine_stress)
 
 
+def _by_both_ends(method: str, model: AbstractModel, bonds: Bonds, exchange: Exchange) -> Array:
+    """model.method(A_here, A_there, bond) on every bond, with the constants of the point whose bond it is."""
+    varying, shared = split_model(model, bonds.xi.shape[0])
+    bonds, empty = regular(bonds)
+    state = of_each_point("point_state", model, bonds)
+
+    def one(mine, here, there, bond):
+        return getattr(eqx.combine(mine, shared), method)(here, there, bond)
+
+    far = jax.tree.map(exchange.far, state)
+    return none_if_empty(jax.vmap(jax.vmap(one, (None, None, 0, EACH_BOND)))(varying, state, far, bonds), empty)
+
+
+@singledispatch
+def force_states(
+    model: AbstractModel, volumes: Float[Array, " points"], bonds: Bonds, exchange: Exchange
+) -> Float[Array, "points bonds dim"]:
+    """T of every bond of a body; unchecked, for drivers to trace. Each kind of model registers its own."""
+    if not model.needs_other_end:
+        return each_point("force_state", model, bonds)
+    return _by_both_ends("bond_force", model, bonds, exchange)
+
+
+@force_states.register(TwoStageModel)
 def _two_stage_states(model: TwoStageModel, volumes: Array, bonds: Bonds, exchange: Exchange) -> Array:
     """T by both stages: states out, bond energies, the forces on the states back."""
     varying, shared = split_model(model, bonds.xi.shape[0])
@@ -172,28 +197,15 @@ def _two_stage_states(model: TwoStageModel, volumes: Array, bonds: Bonds, exchan
     return (direct + indirect) / bonds.volume[..., None]
 
 
-def _by_both_ends(method: str, model: AbstractModel, bonds: Bonds, exchange: Exchange) -> Array:
-    """model.method(A_here, A_there, bond) on every bond, with the constants of the point whose bond it is."""
-    varying, shared = split_model(model, bonds.xi.shape[0])
-    bonds, empty = regular(bonds)
-    state = of_each_point("point_state", model, bonds)
-
-    def one(mine, here, there, bond):
-        return getattr(eqx.combine(mine, shared), method)(here, there, bond)
-
-    far = jax.tree.map(exchange.far, state)
-    return none_if_empty(jax.vmap(jax.vmap(one, (None, None, 0, EACH_BOND)))(varying, state, far, bonds), empty)
+@singledispatch
+def energies(model: AbstractModel, families: Families, bonds: Bonds) -> Float[Array, " points"]:
+    """W of every point of a body; unchecked. Each kind of model registers its own."""
+    return each_point("energy", model, bonds)
 
 
-def force_states(
-    model: AbstractModel, volumes: Float[Array, " points"], bonds: Bonds, exchange: Exchange
-) -> Float[Array, "points bonds dim"]:
-    """T of every bond of a body; unchecked, for drivers to trace."""
-    if isinstance(model, TwoStageModel):
-        return _two_stage_states(model, volumes, bonds, exchange)
-    if not model.needs_other_end:
-        return each_point("force_state", model, bonds)
-    return _by_both_ends("bond_force", model, bonds, exchange)
+@energies.register(TwoStageModel)
+def _two_stage_energies(model: TwoStageModel, families: Families, bonds: Bonds) -> Float[Array, " points"]:
+    return jnp.sum(_by_both_ends("bond_energy", model, bonds, plain_exchange(families)), axis=1)
 
 
 @eqx.filter_jit
@@ -213,10 +225,7 @@ def _energy(model: AbstractModel, families: Families, u: Array, F: Array | None)
 
 
 def _energies(model: AbstractModel, families: Families, u: Array, F: Array | None) -> Float[Array, " points"]:
-    bonds = families.bonds(u, F)
-    if not isinstance(model, TwoStageModel):
-        return each_point("energy", model, bonds)
-    return jnp.sum(_by_both_ends("bond_energy", model, bonds, plain_exchange(families)), axis=1)
+    return energies(model, families, families.bonds(u, F))
 
 
 energy_of_each = eqx.filter_jit(_energies)  # W of every point, unchecked

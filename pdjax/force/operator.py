@@ -11,7 +11,6 @@ families object and for those constants of the model that it reads, and remember
 `force_density`, in a user's own `jit` too, costs what the operator of `force_operator` costs.
 """
 
-import math
 from typing import Any
 
 import equinox as eqx
@@ -29,73 +28,38 @@ from .._internal.checks import (
     is_concrete,
     on_host,
 )
-from .._internal.dependence import known_part
 from .._internal.memory import remember, value_key
 from .._internal.public import public_function
 from .._internal.xla import QUICK, compiled_with
 from ..geometry.bonds import Families
-from ..models.base import AbstractModel, PointStateModel
-from ..models.pointwise import split_model
+from ..models.base import AbstractModel
 from ..models.promises import check_promises
-from .backends.fft import Convolution, has_kernels
-from .backends.streaming import reference_moments, reference_sums, streamed_force
-from .backends.traversal import LatticeTraversal, SlotTraversal, Traversal
-from .fields import check_model, point_field, whole_force
+from .backends import fft, padded, slices
+from .backends.backend import Backend
+from .fields import check_model, point_field
 
-WAYS = ("auto", "families", "slices", "fft")
-SMALL = 10_000  # bonds below which all go at once: a third of the time to compile, under a millisecond to run
+BACKENDS: dict[str, Any] = {"families": padded, "slices": slices, "fft": fft}
+WAYS = ("auto", *BACKENDS)
 MANY = 100  # offsets from which transforms of degree 1 beat slices (3D, N = 3 has 122; measured in `pdjax bench ways`)
-
-
-def _refusal(model: AbstractModel, families: Families, way: str) -> str | None:
-    """Why this model and body can't go this way; None if they can."""
-    moments = isinstance(model, PointStateModel) and model.by_moments
-    if way == "families":
-        return "they were made with arrays=False" if families.xi is None else None
-    if families.grid is None or not _alike(families):
-        return "they do not come from a lattice (`pd.lattice`, `bar`, `plate`, `cuboid`, without weights of their own)"
-    if not moments:
-        return f"{type(model).__name__} has no point state made of sums over single bonds"
-    if way == "fft":
-        assert isinstance(model, PointStateModel)
-        if not (model.degree and model.additive):
-            return f"the force of {type(model).__name__} is no polynomial of the displacement (or its order is traced)"
-        if jax.tree.leaves(split_model(model, len(families))[0]):
-            return "a constant of the model varies from point to point"
-        if not has_kernels(model, families):
-            return "moments or bond force depend on a constant of the model that is traced"
-    return None
-
-
-def _alike(families: Families) -> bool:
-    """Whether all points have the volume of a cell, as far as it is known."""
-    if not is_concrete(families.volumes):
-        return True
-
-    def found() -> bool:
-        volumes = np.asarray(families.volumes)
-        return bool((np.abs(volumes - volumes[0]) <= 1e-6 * volumes[0]).all())
-
-    return remember(families, "alike", found)
 
 
 def ways_of(model: AbstractModel, families: Families) -> tuple[str, ...]:
     """The ways that this model and these families can go, of "families", "slices", "fft"."""
-    return tuple(way for way in WAYS[1:] if _refusal(model, families, way) is None)
+    return tuple(way for way, backend in BACKENDS.items() if backend.refusal(model, families) is None)
 
 
 def _choose(model: AbstractModel, families: Families, way: str, mean: bool) -> str:
     able = tuple(w for w in ways_of(model, families) if not (mean and w == "fft"))
     if way != "auto":
         if way not in able:
-            why = _refusal(model, families, way) or "a mean deformation F is no field on the lattice"
+            why = BACKENDS[way].refusal(model, families) or "a mean deformation F is no field on the lattice"
             raise ValueError(
                 f"way {way!r} does not apply here: {why}; ways that do: {', '.join(map(repr, able)) or 'none'}"
             )
         return way
     if not able:
         raise ValueError(f"{type(model).__name__} needs families with arrays; these were made with arrays=False")
-    if families.xi is not None and math.prod(families.xi.shape[:2]) < SMALL:
+    if padded.is_small(families):
         return "families"
     if "fft" in able and model.degree == 1 and families.grid is not None and len(families.grid.offsets) >= MANY:
         return "fft"
@@ -110,7 +74,7 @@ class ForceOperator(eqx.Module):
 
     model: AbstractModel
     families: Families
-    plan: Any  # Convolution; (traversal, reference sums); None: all bonds at once
+    backend: Backend
     way: str = eqx.field(static=True)
 
     def __hash__(self) -> int:
@@ -121,87 +85,53 @@ class ForceOperator(eqx.Module):
 
     def __call__(self, u, F=None) -> Float[Array, "points dim"]:
         """f (points, dim) [force/length^dim]; arguments as `force_density`."""
-        if F is not None and self.way == "fft":
-            raise ValueError("way 'fft' takes no mean deformation F; prepare with way='slices' or 'families'")
+        backend = self.backend
+        if F is not None and not backend.takes_mean:
+            raise ValueError(
+                f"way {self.way!r} takes no mean deformation F; prepare with way='slices' or way='families'"
+            )
         u = point_field(u, self.families)
-        if self.plan is not None and jnp.issubdtype(u.dtype, jnp.complexfloating):
+        if jnp.issubdtype(u.dtype, jnp.complexfloating) and not backend.takes_complex:
             raise ValueError(
                 f"way {self.way!r} is for real u; got {u.dtype}: for derivatives use jax.jvp, or a body of fewer than"
-                f" {SMALL} bonds, whose force is one function of all bonds"
+                f" {padded.SMALL} bonds, whose force is one function of all bonds"
             )
         F = None if F is None else deformation_gradient(F, self.families.dim)
-        prepared = (self.plan, self.families.horizon) if self.plan is not None else self.families
         traced = inside_jit()
-        if traced and is_concrete(prepared):
-            prepared = _hidden(prepared)
-        quick = self.way == "fft" and not traced and is_concrete(self.model, prepared, u)
-        return (_evaluate_by_fft if quick else _evaluate)(self.model, prepared, u, F)
+        if traced and is_concrete(backend):
+            backend = _hidden(backend)
+        if backend.compiler_options and not traced and is_concrete(self.model, backend, u):
+            return _evaluate_quickly(backend, self.model, u, F)
+        return _evaluate(backend, self.model, u, F)
 
 
-def _hidden(prepared: Any) -> Any:
+def _hidden(backend: Backend) -> Backend:
     """Known arrays in a program of the user's, hidden from the compiler: it would compute with them while it compiles,
     for seconds."""
-    arrays, rest = eqx.partition(prepared, eqx.is_array)
+    arrays, rest = eqx.partition(backend, eqx.is_array)
     return eqx.combine(jax.lax.optimization_barrier(arrays), rest)
 
 
-def _force(model: AbstractModel, prepared: Any, u: Array, F: Array | None) -> Float[Array, "points dim"]:
-    if isinstance(prepared, Families):
-        return whole_force(model, prepared, prepared.bonds(u, F))
-    plan, horizon = prepared
-    assert isinstance(model, PointStateModel)
-    if isinstance(plan, Convolution):
-        return plan.force(model, u, horizon)
-    traversal, reference = plan
-    gradient = None if F is None else F - jnp.eye(u.shape[1], dtype=u.dtype)
-    return streamed_force(split_model(model, len(u)), traversal, reference, u, gradient, horizon)
+def _force(backend: Backend, model: AbstractModel, u: Array, F: Array | None) -> Float[Array, "points dim"]:
+    return backend.force(model, u, F)
 
 
 _evaluate = eqx.filter_jit(_force)
-# transforms run as fast without fusion emitters (8.0 against 7.8 ms for 24³ points), slices take up to twice as long
-_evaluate_by_fft = compiled_with(QUICK)(_force)
+_evaluate_quickly = compiled_with(QUICK)(_force)
 
 
-def _traversal(families: Families, way: str) -> Traversal:
-    made = LatticeTraversal.of if way == "slices" else SlotTraversal.of
-    return remember(families, ("traversal", way), lambda: made(families)) if is_concrete(families) else made(families)
+def _backend(model: AbstractModel, families: Families, way: str) -> Backend:
+    """The prepared backend. What a model made of moments promises is tried first where streaming relies on it."""
+    if model.by_moments and not (way == "families" and padded.is_small(families)):
+        check_promises(model, families.dim)
+    return BACKENDS[way].prepare(model, families)
 
 
-@eqx.filter_jit
-def _reference(model: PointStateModel, traversal: Traversal, horizon: Array, points: int, dim: int) -> Array:
-    return reference_sums(split_model(model, points), traversal, dim, horizon)
-
-
-def _streamed(model: PointStateModel, families: Families, way: str) -> tuple[Traversal, Array]:
-    """The traversal of a way and the sums over the reference configuration, which depend on few constants of a model."""
-    traversal, points = _traversal(families, way), len(families)
-
-    def sums(model: PointStateModel) -> Array:
-        return _reference(model, traversal, families.horizon, points, families.dim)
-
-    known = None
-    if is_concrete(families):
-        known = known_part(families, "reference", lambda m: reference_moments(m, points, families.dim), model)
-    if known is None:
-        return traversal, sums(model)
-    key, there = known
-    return traversal, remember(families, ("reference sums", way, key), lambda: sums(there))
-
-
-def _plan(model: AbstractModel, families: Families, way: str) -> Any:
-    if not (isinstance(model, PointStateModel) and model.by_moments):
-        return None
-    if way == "families" and math.prod(families.xi.shape[:2]) < SMALL:
-        return None
-    check_promises(model, families.dim)
-    return Convolution.of(model, families) if way == "fft" else _streamed(model, families, way)
-
-
-def _prepared(model: AbstractModel, families: Families, way: str, mean: bool) -> tuple[Any, str]:
-    """(plan, way), all checks made."""
+def _prepared(model: AbstractModel, families: Families, way: str, mean: bool) -> tuple[Backend, str]:
+    """(backend, way), all checks made."""
     check_model(model, families, Families)
     way = _choose(model, families, way, mean)
-    return _plan(model, families, way), way
+    return _backend(model, families, way), way
 
 
 @public_function
@@ -214,10 +144,10 @@ def force_operator(model: AbstractModel, families: Families, way: str = "auto", 
     choice("way", way, WAYS)
     key = value_key(model) if isinstance(families, Families) and is_concrete(families) else None
     if key is None:
-        plan, way = _prepared(model, families, way, mean)
+        backend, way = _prepared(model, families, way, mean)
     else:
-        plan, way = remember(families, ("force", way, mean, key), lambda: _prepared(model, families, way, mean))
-    return ForceOperator(model, families, plan, way)
+        backend, way = remember(families, ("force", way, mean, key), lambda: _prepared(model, families, way, mean))
+    return ForceOperator(model, families, backend, way)
 
 
 @public_function

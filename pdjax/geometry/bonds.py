@@ -1,13 +1,22 @@
-"""Families: the bonds that end at a point, for one lattice point or for every point of a body.
+"""Bonds and families: `LatticeFamily` for one interior point of a lattice, `Families` for all points of a body.
 
-A **bond** is the record (ξ, η, ω, V, δ): reference vector ξ = X_j − X_i, relative displacement
-η = u_j − u_i (never positions: no cancellation at tiny strain), influence ω and volume V_j of the
-neighbour, and the horizon δ, one for the family. Its deformed image is Y = ξ + η. The weight β ≥ 0 of a
-bond (partial volume, damage) is folded into ω, so every model honours it; with T = (1/V_j) ∂W/∂Y_j the force density
-stays the exact gradient of the energy for any weights, even ones that differ between the two directions of a bond.
+A **bond** joins a point i to a neighbour j. It is the record (ξ, η, ω, V, δ):
 
-A family holds the points with |ξ| ≤ δ(1 + 1e-9): ties do not depend on rounding. On a lattice it is in
-centro-symmetric order: bond b and bond b + bonds/2 are opposite.
+    ξ = X_j − X_i    reference vector [length]
+    η = u_j − u_i    relative displacement [length]; the deformed bond is Y = ξ + η
+    ω                influence [-] times the bond weight β [-]
+    V = V_j          volume of the neighbour [length^dim]
+    δ                horizon [length], the same for all bonds of a family
+
+Models receive η and never the deformed positions, so that no digits cancel at tiny strains.
+
+The **weight** β ≥ 0 of a bond describes partial volumes and damage. It multiplies ω, so every model takes it into
+account. With T = (1/V_j) ∂W/∂Y_j the force density is the exact gradient of the energy for any weights, even if the
+two directions of a bond have different weights.
+
+The **family** of a point holds all points with |ξ| ≤ δ(1 + 1e-9). The slack of 1e-9 keeps rounding errors from
+deciding which bonds of length δ belong to the family. On a lattice the bonds are in centro-symmetric order: bond b and
+bond b + bonds/2 are opposite.
 """
 
 import itertools
@@ -16,6 +25,7 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
@@ -28,7 +38,31 @@ TIE = 1e-9  # relative slack of the horizon
 
 
 class Bonds(NamedTuple):
-    """The bonds of one family (or, with leading axes, of many): what a model sees."""
+    """The bonds of one family or, with leading axes, of many families: the input of a material model.
+
+    `LatticeFamily.bonds` and `Families.bonds` make this record.
+
+    Attributes
+    ----------
+    xi : array, shape (..., bonds, dim)
+        Reference vectors ξ = X_j − X_i [length].
+    eta : array, shape (..., bonds, dim)
+        Relative displacements η = u_j − u_i [length].
+    omega : array, shape (..., bonds)
+        Influence times bond weight [-]. It is 0 for padding.
+    volume : array, shape (..., bonds)
+        Volumes of the neighbours [length^dim].
+    horizon : array, shape (...)
+        Horizon δ of each family [length].
+
+    Examples
+    --------
+    A bar is stretched by 10 %. Its bonds of length 1 and 2 become longer by 0.1 and 0.2.
+
+    >>> bonds = pd.lattice_family(dim=1, N=2).bonds(np.array([[1.1]]))
+    >>> np.asarray(bonds.eta)[:, 0].round(3).tolist()
+    [0.1, 0.2, -0.1, -0.2]
+    """
 
     xi: Float[Array, "*points bonds dim"]
     eta: Float[Array, "*points bonds dim"]
@@ -37,13 +71,16 @@ class Bonds(NamedTuple):
     horizon: Float[Array, "*points"]
 
 
-EACH_BOND = Bonds(0, 0, 0, 0, None)  # type: ignore[arg-type]  # vmap axes: over the bonds of one family, which share δ
+EACH_BOND = Bonds(0, 0, 0, 0, None)  # type: ignore[arg-type]  # vmap over the bonds of a family: they share δ
 
 
 def checked_influence(influence: Callable | str, r: np.ndarray | Array, horizon) -> np.ndarray | Array:
-    """ω of bonds of length r, refused where it is no influence; a NumPy array if no value is traced."""
+    """Compute ω of bonds of length r and check that it is finite, non-negative and not zero everywhere.
+
+    The result is a NumPy array if no value is traced.
+    """
     influence = named_influence(influence)
-    with np.errstate(all="ignore"):  # NaN and infinity are refused below
+    with np.errstate(all="ignore"):  # the check below reports NaN and infinity, so NumPy need not warn
         omega = influence(r, horizon)
     xp = namespace(omega)
     omega = xp.broadcast_to(xp.asarray(omega, dtype=r.dtype), r.shape)
@@ -64,11 +101,53 @@ def _weight(weight, shape) -> np.ndarray | Array:
     return require(weight, ok, "bond weights must be finite and >= 0")
 
 
-class LatticeFamily(eqx.Module):
-    """One interior family of a uniform lattice. Lengths share the unit of `spacing`.
+def _readable(*arrays: Any) -> bool:
+    """Whether the host can read the values now. It can't read tracers, donated arrays and arrays of other hosts."""
+    return all(
+        isinstance(x, np.ndarray | np.generic)
+        or (
+            isinstance(x, jax.Array)
+            and not isinstance(x, jax.core.Tracer)
+            and not x.is_deleted()
+            and x.is_fully_addressable
+        )
+        for x in arrays
+    )
 
-    xi (bonds, dim), influence ω (bonds,), weight β (bonds,), horizon, spacing: all traced.
-    `cubic` is True while the weights have the full symmetry of the lattice.
+
+def _length(name: str, value: Any) -> str:
+    """Part of a `__repr__`: a comma, the name and the value, or nothing if the value is not one readable number."""
+    return f", {name} {float(value):.6g}" if _readable(value) and value.ndim == 0 else ""
+
+
+class LatticeFamily(eqx.Module):
+    """The family of one interior point of a uniform lattice.
+
+    `lattice_family` makes it. `print` shows its sizes. All arrays may be traced and differentiated, and all lengths
+    share the unit of `spacing`.
+
+    Attributes
+    ----------
+    xi : array, shape (bonds, dim)
+        Reference vectors of the bonds [length]. Bonds b and b + bonds/2 are opposite.
+    influence : array, shape (bonds,)
+        Influence ω of each bond [-].
+    weight : array, shape (bonds,)
+        Weight β of each bond [-], 1 by default.
+    horizon : array, shape ()
+        Horizon δ = N · spacing [length].
+    spacing : array, shape ()
+        Distance h of neighbouring lattice points [length]. Every point has the volume h^dim.
+    cubic : bool
+        True if the family has all symmetries of the lattice; `with_weight` sets it to False.
+
+    Examples
+    --------
+    >>> family = pd.lattice_family(dim=2, N=2)
+    >>> print(family)
+    LatticeFamily(12 bonds, 2D, horizon 2, spacing 1)
+    >>> family.xi.shape
+    (12, 2)
     """
 
     xi: Float[Array, "bonds dim"]
@@ -78,20 +157,42 @@ class LatticeFamily(eqx.Module):
     spacing: Float[Array, ""]
     cubic: bool = eqx.field(static=True, default=True)
 
+    def __repr__(self) -> str:
+        if getattr(self.xi, "ndim", 0) != 2:  # a batch of families, or a tree of the same structure
+            return super().__repr__()
+        bonds, dim = self.xi.shape
+        lengths = _length("horizon", self.horizon) + _length("spacing", self.spacing)
+        return f"{type(self).__name__}({bonds} bonds, {dim}D{lengths}{'' if self.cubic else ', weighted bonds'})"
+
     @property
     def dim(self) -> int:
+        """Number of space dimensions: 1, 2 or 3."""
         return self.xi.shape[1]
 
     @property
     def reach(self) -> int:
-        """⌊N⌋, told from the number of bonds (static), for N is traced."""
+        """⌊N⌋, the largest number of spacings that a bond spans along an axis.
+
+        It follows from the number of bonds, which is static, because the horizon and the spacing may be traced.
+        """
         reach = 1
         while len(cells_within(self.dim, reach + 1.0)) <= self.xi.shape[0]:
             reach += 1
         return reach
 
     def bonds(self, F: Float[Array | np.ndarray, "dim dim"]) -> Bonds:
-        """The bonds of the family under the homogeneous deformation x = F X: η = (F − I) ξ."""
+        """Bonds of the family under the homogeneous deformation x = F X, with η = (F − I) ξ.
+
+        Parameters
+        ----------
+        F : array, shape (dim, dim)
+            Deformation gradient [-].
+
+        Returns
+        -------
+        Bonds
+            One record for the whole family.
+        """
         xp = namespace(self, F)
         family, F = on_host((self, F)) if xp is np else (self, F)
         eta = family.xi @ (F - xp.eye(family.dim, dtype=F.dtype)).T
@@ -100,7 +201,31 @@ class LatticeFamily(eqx.Module):
         return Bonds(self.xi, eta, omega, volume, self.horizon)
 
     def with_weight(self, weight: Any) -> "LatticeFamily":
-        """The family with bond weights β (bonds,) ≥ 0; opposite bonds must weigh the same (one bond, two ends)."""
+        """Copy of the family with other bond weights β.
+
+        Parameters
+        ----------
+        weight : array, shape (bonds,)
+            Weights ≥ 0 [-]. They replace the present weights. Opposite bonds must have equal weights, because both
+            are one and the same bond of the lattice.
+
+        Returns
+        -------
+        LatticeFamily
+            The family with these weights and `cubic` False.
+
+        Raises
+        ------
+        ValueError
+            If the shape is wrong, a weight is negative or not finite, or opposite weights differ. Where the weights
+            are traced, the values are checked at run time and raise RuntimeError.
+
+        Examples
+        --------
+        >>> family = pd.lattice_family(dim=1, N=2)
+        >>> family.with_weight([1.0, 0.5, 1.0, 0.5]).weight.tolist()
+        [1.0, 0.5, 1.0, 0.5]
+        """
         checked = _weight(weight, self.influence.shape)
         half = checked.shape[0] // 2
         even = abs(checked[:half] - checked[half:]) <= 1e-12
@@ -109,7 +234,7 @@ class LatticeFamily(eqx.Module):
 
 
 def cells_within(dim: int, N: float) -> np.ndarray:
-    """Integer offsets (bonds, dim) of the lattice points within N spacings, in lexicographic order."""
+    """Integer offsets (bonds, dim) to the lattice points within N spacings, in lexicographic order."""
     reach = int(N * (1 + TIE))
     cells = np.array(list(itertools.product(range(-reach, reach + 1), repeat=dim)))
     square = (cells**2).sum(axis=1)
@@ -118,23 +243,59 @@ def cells_within(dim: int, N: float) -> np.ndarray:
 
 @public_function
 def lattice_family(dim: int, N: float, spacing=1.0, influence: Callable | str = constant_influence) -> LatticeFamily:
-    """The family of an interior point of a uniform lattice, horizon δ = N · spacing.
+    """Make the family of an interior point of a uniform lattice.
 
-    Arguments: dim 1, 2 or 3; N horizon over spacing [-], ≥ 1, not traced; spacing [length];
-        influence a callable (r, δ) → ω ≥ 0 or the name of one (see `pdjax.geometry.influence`).
-    Returns: `LatticeFamily` in centro-symmetric order.
-    Raises: ValueError for dim, N, spacing or an influence that is negative or zero everywhere.
+    δ = N · spacing
+
+    Parameters
+    ----------
+    dim : int
+        Number of space dimensions: 1, 2 or 3.
+    N : float
+        Horizon over spacing [-], at least 1. It decides which bonds exist, so it can't be traced.
+    spacing : float
+        Distance of neighbouring points [length]. It may be traced.
+    influence : callable or str, optional
+        Influence function (r, δ) → ω ≥ 0, or its name, such as "gaussian" (see `pdjax.geometry.influence`).
+
+    Returns
+    -------
+    LatticeFamily
+        The bonds in centro-symmetric order: bonds b and b + bonds/2 are opposite.
+
+    Raises
+    ------
+    ValueError
+        If dim, N or spacing is out of range, or ω is negative, not finite or zero for all bonds.
+
+    Notes
+    -----
+    A lattice takes `N`, a number of spacings. A body takes `horizon`, a length: `families(body, horizon)` with
+    horizon = N · spacing gives every interior point this family.
+
+    For whole N, bonds along the axes are exactly as long as the horizon: they tie. Here and in `families` of a
+    `lattice` such bonds belong to the family, whatever the rounding. For the points of a `cloud` whose coordinates
+    have few digits, take a horizon of 3.015 spacings instead of 3. In every dimension it holds the same bonds, since
+    no lattice bond is between 3 and √10 spacings long, and no bond ties. Use N = 3.015 here too if you compare with
+    such a body, because ω and some constants depend on δ.
+
+    Examples
+    --------
+    >>> pd.lattice_family(dim=2, N=3, spacing=0.1)
+    LatticeFamily(28 bonds, 2D, horizon 0.3, spacing 0.1)
+    >>> pd.lattice_family(dim=2, N=3.015, spacing=0.1)
+    LatticeFamily(28 bonds, 2D, horizon 0.3015, spacing 0.1)
     """
     if dim not in (1, 2, 3):
         raise ValueError(f"dim must be 1, 2 or 3; got {dim!r}")
     if not (math.isfinite(N) and float(N) * (1 + TIE) >= 1):
-        raise ValueError(f"N (horizon / spacing) must be finite and >= 1, or a family has no bonds; got {N}")
+        raise ValueError(f"N (horizon / spacing) must be finite and >= 1, so that a family has bonds; got {N}")
     N = float(N)
     xp = namespace(spacing)
     spacing = xp.asarray(spacing, dtype=jnp.result_type(float))
     spacing = require(spacing, xp.isfinite(spacing) & (spacing > 0), f"spacing must be finite and > 0; got {spacing}")
     cells = cells_within(dim, N)
-    first = cells[len(cells) // 2 :]  # lexicographic order: the second half is the mirror of the first
+    first = cells[len(cells) // 2 :]  # in lexicographic order the second half mirrors the first
     first = first[np.lexsort((*first.T[::-1], (first**2).sum(axis=1)))]
     xi = np.concatenate([first, -first]).astype(spacing.dtype) * spacing
     horizon = N * spacing
@@ -143,12 +304,12 @@ def lattice_family(dim: int, N: float, spacing=1.0, influence: Callable | str = 
 
 
 class Grid(eqx.Module):
-    """Where families came from a lattice: one stencil for all of them.
+    """The stencil that all families of a lattice share.
 
-    `cells` and `periodic` (one entry an axis); `offsets` to the neighbours in cells, the second half the mirror of
-    the first; `influence` (offsets,) ω of each; `sites` (points,) the cell of each point in row-major order, or None
-    for all. `horizon` [length] is known to the host. `kinds` of families, where there are no arrays: a point of each,
-    and which bonds it has.
+    `cells` and `periodic` have one entry for each axis. `offsets` lead to the neighbours, in cells; their second half
+    mirrors the first. `influence` (offsets,) is ω of each offset. `sites` (points,) is the cell of each point in
+    row-major order, or None if every cell is filled. `horizon` [length] is a plain number. `kinds` is set only for
+    families without arrays: it lists one point of each kind of family, and which bonds that kind has.
     """
 
     cells: tuple[int, ...] = eqx.field(static=True)
@@ -161,15 +322,48 @@ class Grid(eqx.Module):
 
 
 class Families(eqx.Module):
-    """The families of every point of a body, as arrays padded to the largest family.
+    """The families of all points of a body, as arrays padded to the size of the largest family.
 
-    neighbours (points, bonds): index j of the neighbour; reverse (points, bonds): the slot of i in j's family.
-    xi (points, bonds, dim), influence and weight (points, bonds), volumes (points,), horizon.
-    `count` (points,) is the number of true bonds. `shape`, `spacing` are kept from a lattice, and its stencil in `grid`
-    (None for clouds and for bonds with weights of their own). `positions` (points, dim) [length] are the body's.
+    `families` makes them. `print` shows their sizes. A slot that holds no bond is padding: its neighbour is the point
+    itself, its weight is 0, its ξ is any vector except 0, and its ω is any number.
+
+    Attributes
+    ----------
+    neighbours : array of int, shape (points, bonds)
+        Index j of the neighbour in each slot. With `arrays=False` this and the next four are None.
+    reverse : array of int, shape (points, bonds)
+        Slot of point i in the family of its neighbour j.
+    xi : array, shape (points, bonds, dim)
+        Reference vectors X_j − X_i [length].
+    influence : array, shape (points, bonds)
+        Influence ω [-].
+    weight : array, shape (points, bonds)
+        Bond weight β [-]: 1 by default, 0 for cut bonds and padding.
+    volumes : array, shape (points,)
+        Volumes of the points [length^dim].
+    count : array of int, shape (points,)
+        Number of bonds of each point, cut bonds included, padding excluded.
+    horizon : array, shape ()
+        Horizon δ [length].
+    spacing : float or None
+        Spacing [length] of the lattice, None for a cloud.
+    shape : tuple of int or None
+        Cells of a full lattice along each axis, else None.
+    grid : Grid or None
+        Stencil of a lattice. It is None for clouds and after `with_weight`.
+    positions : array, shape (points, dim)
+        Reference positions of the points [length].
+
+    Examples
+    --------
+    >>> families = pd.families(pd.lattice((5, 4)), horizon=2.1)
+    >>> print(families)
+    Families(20 points, 2D, 5 to 11 bonds a point, horizon 2.1)
+    >>> families.neighbours.shape, int(families.is_bond.sum())
+    ((20, 11), 154)
     """
 
-    neighbours: Int[Array, "points bonds"] | Any  # these five: None for a lattice with arrays=False
+    neighbours: Int[Array, "points bonds"] | Any  # these five are None for a lattice with arrays=False
     reverse: Int[Array, "points bonds"] | Any
     xi: Float[Array, "points bonds dim"] | Any
     influence: Float[Array, "points bonds"] | Any
@@ -182,8 +376,22 @@ class Families(eqx.Module):
     grid: Grid | None = None
     positions: Float[Array | np.ndarray, "points dim"] | None = None
 
+    def __repr__(self) -> str:
+        stencil_only = self.xi is None and self.grid is not None
+        if getattr(self.volumes, "ndim", 0) != 1 or not (stencil_only or getattr(self.xi, "ndim", 0) == 3):
+            return super().__repr__()  # a batch of families, or a tree of the same structure
+        if _readable(self.count):
+            least, most = int(np.min(self.count)), int(np.max(self.count))
+            size = f", {least} bonds a point" if least == most else f", {least} to {most} bonds a point"
+        else:
+            size = "" if stencil_only else f", at most {self.xi.shape[1]} bonds a point"
+        arrays = ", arrays=False" if stencil_only else ""
+        horizon = _length("horizon", self.horizon)
+        return f"{type(self).__name__}({len(self)} points, {self.dim}D{size}{horizon}{arrays})"
+
     @property
     def dim(self) -> int:
+        """Number of space dimensions: 1, 2 or 3."""
         return len(self.grid.cells) if self.grid is not None else self.xi.shape[2]
 
     def __len__(self) -> int:
@@ -191,12 +399,15 @@ class Families(eqx.Module):
 
     @property
     def dtype(self):
-        """Of everything real here."""
+        """dtype of the floating-point arrays."""
         return self.volumes.dtype
 
     @property
     def is_bond(self) -> Bool[Array | np.ndarray, "points bonds"]:
-        """Which slots (points, bonds) hold a bond. The others are padding: `influence` there is not 0, `weight` is."""
+        """Whether each slot holds a bond, shape (points, bonds).
+
+        The other slots are padding, where `weight` is 0 and `influence` has no meaning.
+        """
         self.need_arrays()
         xp = namespace(self.count)
         return xp.arange(self.xi.shape[1]) < xp.asarray(self.count)[:, None]
@@ -204,7 +415,25 @@ class Families(eqx.Module):
     def bonds(
         self, u: Float[Array | np.ndarray, "points dim"], F: Float[Array | np.ndarray, "dim dim"] | None = None
     ) -> Bonds:
-        """All bonds under the displacement u [length] on top of the mean deformation F (None: identity)."""
+        """Bonds of all points under the displacement u and a mean deformation F: η = u_j − u_i + (F − I) ξ.
+
+        Parameters
+        ----------
+        u : array, shape (points, dim)
+            Displacements [length].
+        F : array, shape (dim, dim), optional
+            Mean deformation gradient [-] of a periodic body; the identity by default.
+
+        Returns
+        -------
+        Bonds
+            One record with leading axis `points`.
+
+        Raises
+        ------
+        ValueError
+            If the families were made with `arrays=False`.
+        """
         self.need_arrays()
         xp = np if in_host_memory(self, u, F) else jnp
         families, u, F = on_host((self, u, F)) if xp is np else (self, u, F)
@@ -216,21 +445,56 @@ class Families(eqx.Module):
         return Bonds(self.xi, *on_device((eta, omega, volume, horizon)))
 
     def need_arrays(self) -> None:
-        """Refuse families without arrays."""
+        """Raise ValueError if the families were made with `arrays=False`."""
         if self.xi is None:
             raise ValueError(
-                "these families of a lattice were made with arrays=False and hold no bonds: that is enough for"
-                " force_density, force_operator, jvp and slab_force; energies, motions and matrices need arrays=True"
+                "this needs families with arrays, but these were made with arrays=False, which is enough only for"
+                " force_density, force_operator, jvp and slab_force; make them with arrays=True"
             )
 
     def reversed(self, bonds: Bonds) -> Bonds:
-        """Every bond as seen from its other end: (−ξ, −η, ω_ji, V_i)."""
+        """Bonds seen from their other ends: (−ξ, −η, ω_ji, V_i).
+
+        Parameters
+        ----------
+        bonds : Bonds
+            Bonds of all points, from `Families.bonds`.
+
+        Returns
+        -------
+        Bonds
+            In each slot (i, j), the bond from j to i.
+        """
         omega = bonds.omega[self.neighbours, self.reverse]
         volume = jnp.broadcast_to(self.volumes[:, None], omega.shape)
         return Bonds(-bonds.xi, -bonds.eta, omega, volume, bonds.horizon)
 
     def with_weight(self, weight: Any) -> "Families":
-        """The families with bond weights β (points, bonds) ≥ 0 times the present ones (padding stays 0)."""
+        """Copy of the families whose bond weights are multiplied by `weight`.
+
+        Parameters
+        ----------
+        weight : array, shape (points, bonds)
+            Factors ≥ 0 [-], or an array that broadcasts to this shape. Padding keeps the weight 0.
+
+        Returns
+        -------
+        Families
+            Families with the new weights. Their `grid` is None, so forces use the padded arrays.
+
+        Raises
+        ------
+        ValueError
+            If the shape is wrong, a factor is negative or not finite, or the families were made with `arrays=False`.
+            Where the factors are traced, their values are checked at run time and raise RuntimeError.
+
+        Examples
+        --------
+        >>> families = pd.families(pd.lattice((5, 4)), horizon=2.1)
+        >>> half = families.with_weight(0.5)
+        >>> float(half.weight.max())
+        0.5
+        """
         self.need_arrays()
         factor = _weight(weight, self.weight.shape)
         product = (on_host(self.weight) if in_host_memory(self.weight, factor) else self.weight) * factor

@@ -1,7 +1,7 @@
-"""Cutting bonds: across a plane, a segment of the plane, or a flat polygon in space.
+"""Initial cracks: `cut` removes the bonds that cross a plane, a straight segment in 2D or a flat polygon in 3D.
 
-A bond is cut where the straight line between its ends crosses the surface. Its weight becomes 0 from both ends, and a
-point that loses all its bonds is a fragment without force (`pdjax.models.pointwise`).
+A bond is cut if the straight line between its ends crosses the surface. Its weight becomes 0 in the families of both
+ends. A point that loses all its bonds is a fragment without force (`pdjax.models.pointwise`).
 """
 
 from typing import Any, NamedTuple
@@ -14,22 +14,68 @@ from .bonds import Families
 
 
 class Plane(NamedTuple):
-    """All of a plane (a line in 2D, a point in 1D) through `point` (dim,) [length], at right angles to `normal`
-    (dim,)."""
+    """Unbounded plane for `cut`: a plane in 3D, a line in 2D, a point in 1D.
+
+    Parameters
+    ----------
+    point : array, shape (dim,)
+        A point of the plane [length].
+    normal : array, shape (dim,)
+        Vector at right angles to the plane, of any length > 0.
+
+    Examples
+    --------
+    The line x = 2 separates a plate of 5 × 4 points into two parts. It cuts 4 bonds, each in the families of 2 points.
+
+    >>> families = pd.families(pd.lattice((5, 4)), horizon=1.0)
+    >>> parts = pd.cut(families, pd.Plane(point=(2.0, 0.0), normal=(1.0, 0.0)))
+    >>> float(families.weight.sum() - parts.weight.sum())
+    8.0
+    """
 
     point: Any
     normal: Any
 
 
 class Segment(NamedTuple):
-    """The straight line from `start` to `end` (2,) [length] in 2D."""
+    """Straight segment for `cut` in 2D.
+
+    Parameters
+    ----------
+    start, end : array, shape (2,)
+        Ends of the segment [length].
+
+    Examples
+    --------
+    A crack of length 2 cuts 2 bonds, each in the families of 2 points.
+
+    >>> families = pd.families(pd.lattice((5, 4)), horizon=1.0)
+    >>> cracked = pd.cut(families, pd.Segment(start=(0.0, 2.0), end=(2.0, 2.0)))
+    >>> float(families.weight.sum() - cracked.weight.sum())
+    4.0
+    """
 
     start: Any
     end: Any
 
 
 class Polygon(NamedTuple):
-    """A flat convex polygon in 3D by its `vertices` (3 or more, 3) [length], in order around it."""
+    """Flat convex polygon for `cut` in 3D.
+
+    Parameters
+    ----------
+    vertices : array, shape (3 or more, 3)
+        Vertices [length], in order around the polygon.
+
+    Examples
+    --------
+    A square of side 2 cuts 4 bonds, each in the families of 2 points.
+
+    >>> families = pd.families(pd.lattice((3, 3, 2)), horizon=1.0)
+    >>> cracked = pd.cut(families, pd.Polygon([(0, 0, 1), (2, 0, 1), (2, 2, 1), (0, 2, 1)]))
+    >>> float(families.weight.sum() - cracked.weight.sum())
+    8.0
+    """
 
     vertices: Any
 
@@ -39,7 +85,7 @@ _DIMS = {Plane: (1, 2, 3), Segment: (2,), Polygon: (3,)}
 
 
 def _plane(surface: Surface) -> tuple[np.ndarray, np.ndarray, list[tuple[np.ndarray, np.ndarray]]]:
-    """(a point of the plane, its unit normal, the edges: a point and the unit direction inwards)."""
+    """A point of the plane, its unit normal and its edges. An edge is a point and the unit vector pointing inwards."""
     if isinstance(surface, Plane):
         point, normal = (
             np.atleast_1d(finite(f"{name} of the plane", x))
@@ -64,7 +110,7 @@ def _plane(surface: Surface) -> tuple[np.ndarray, np.ndarray, list[tuple[np.ndar
                 [np.dot(inwards, corners[k] - corner) for corner, inwards in edges for k in range(len(corners))]
             )
             if flat > 1e-9 * np.abs(sides).max() or (turns < -1e-9 * np.abs(turns).max()).any():
-                raise ValueError("a polygon must be flat and convex, its vertices in order around it; cut by several")
+                raise ValueError("a polygon must be flat and convex, with vertices in order; divide it into several")
     size = np.linalg.norm(normal)
     if not size > 0:
         raise ValueError(f"{type(surface).__name__} has no extent or no direction: {surface}")
@@ -72,7 +118,7 @@ def _plane(surface: Surface) -> tuple[np.ndarray, np.ndarray, list[tuple[np.ndar
 
 
 def crossed(families: Families, surface: Surface) -> np.ndarray:
-    """Which slots (points, bonds) hold a bond that crosses the surface; see `cut` for what is refused."""
+    """Whether each slot (points, bonds) holds a bond that crosses the surface. `cut` lists the errors."""
     if not isinstance(surface, Surface):
         raise ValueError(f"surface must be a pdjax.Plane, Segment or Polygon; got {type(surface).__name__}")
     if families.dim not in _DIMS[type(surface)]:
@@ -81,7 +127,7 @@ def crossed(families: Families, surface: Surface) -> np.ndarray:
         )
     families.need_arrays()
     if families.positions is None or not is_concrete(families):
-        raise ValueError("cut needs families whose positions are known, as `families` makes them, outside of jit")
+        raise ValueError("cut needs families with known positions; pass what `families` returns, outside of jit")
     point, normal, edges = _plane(surface)
     if point.shape != (families.dim,) or normal.shape != (families.dim,):
         raise ValueError(f"the surface must lie in the body's dim {families.dim}; got {surface}")
@@ -92,10 +138,10 @@ def crossed(families: Families, surface: Surface) -> np.ndarray:
     on = np.flatnonzero((np.abs(height) <= tie) & inside)
     if len(on):
         raise ValueError(
-            f"the surface passes through {len(on)} points, the first is point {on[0]}: on which side are they?"
-            " Move it by half a spacing"
+            f"the surface passes through {len(on)} points, the first is point {on[0]}, so their side is undecided;"
+            " move the surface by half a spacing"
         )
-    beyond = height[:, None] + xi @ normal  # height of the far end, which in a periodic body may be an image
+    beyond = height[:, None] + xi @ normal  # height of the far end, which may be an image in a periodic body
     with np.errstate(all="ignore"):
         share = height[:, None] / (height[:, None] - beyond)
     crosses = np.asarray(families.is_bond) & (height[:, None] * beyond < 0)
@@ -103,20 +149,46 @@ def crossed(families: Families, surface: Surface) -> np.ndarray:
     for p, d in edges:
         crosses &= (at - p) @ d >= 0
     back = np.asarray(families.neighbours), np.asarray(families.reverse)
-    return crosses | crosses[back]  # through the very edge, rounding may see it from one end alone
+    return crosses | crosses[back]  # at the surface's edge, rounding may find a bond from one end only
 
 
 @public_function
 def cut(families: Families, surface: Surface) -> Families:
-    """The families with all bonds cut that cross a surface: a crack from the start.
+    """Cut all bonds that cross a surface, to make an initial crack.
 
-    Arguments: families of a body; surface a `Plane`, in 2D also a `Segment`, in 3D also a `Polygon`.
-    Returns: families whose cut bonds weigh 0 from both ends.
-    Raises: ValueError for a surface of another dimension or without extent, one that passes through points, one that
-        crosses no bond, families that are traced or have no arrays.
-    Example: `pd.cut(families, pd.Segment((0.0, 0.5), (0.5, 0.5)))`.
+    Parameters
+    ----------
+    families : Families
+        Families of a body, from `families`.
+    surface : Plane or Segment or Polygon
+        The crack. A `Segment` needs a body in 2D, a `Polygon` one in 3D.
+
+    Returns
+    -------
+    Families
+        Copy of the families in which the cut bonds have weight 0 at both ends.
+
+    Raises
+    ------
+    ValueError
+        If the surface has another dimension than the body or no extent, passes through points, or crosses no bond.
+        Also if the families are traced or were made with `arrays=False`.
+
+    Notes
+    -----
+    A bond is cut if the straight line between its ends crosses the surface. Call `cut` again for a further crack.
+
+    Examples
+    --------
+    A vertical crack in a bar of 2 × 4 points cuts one bond, in the families of both ends.
+
+    >>> families = pd.families(pd.lattice((2, 4)), horizon=1.0)
+    >>> cracked = pd.cut(families, pd.Segment((0.0, 2.0), (1.0, 2.0)))
+    >>> i, slot = np.nonzero(np.asarray(cracked.weight) < np.asarray(families.weight))
+    >>> list(zip(i.tolist(), np.asarray(families.neighbours)[i, slot].tolist()))
+    [(1, 2), (2, 1)]
     """
     crosses = crossed(families, surface)
     if not crosses.any():
-        raise ValueError(f"no bond crosses the surface {surface}: is it inside the body?")
+        raise ValueError(f"no bond crosses the surface {surface}; check that it lies inside the body")
     return families.with_weight(np.where(crosses, 0.0, 1.0))

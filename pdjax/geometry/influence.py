@@ -1,11 +1,13 @@
-"""Influence functions ω(r, δ): how much a bond of reference length r counts in a family of horizon δ.
+"""Influence functions ω(r, δ): the weight of a bond of reference length r in a family of horizon δ.
 
-An influence function is any callable of (r, δ) → ω ≥ 0. It is called once for a family or a body, with NumPy arrays
-where r and δ are known and with JAX arrays where they are traced; operators and functions of jax.numpy take both.
-Being a function of the distance alone it is even, ω(ξ) = ω(−ξ), and as symmetric as the lattice. Give it parameters
-with `functools.partial`: they are traced and differentiable too, e.g. `partial(gaussian_influence, width=w)`.
+An influence function is any callable (r, δ) → ω ≥ 0. `lattice_family` and `families` call it once. They pass NumPy
+arrays if r and δ are known, and JAX arrays if they are traced. Operators and functions of jax.numpy accept both.
 
-    name                ω by q = r/δ                              as public codes have it
+An influence function depends on the distance alone. It is therefore even, ω(ξ) = ω(−ξ), and keeps the symmetry of the
+lattice. Pass parameters with `functools.partial`, for example `partial(gaussian_influence, width=w)`. They may be
+traced and differentiated.
+
+    name                ω as a function of q = r/δ                name in public codes
     "constant"          1                                         Peridigm "One"
     "inverse distance"  1/q                                       LAMMPS peri/lps 1/r; Peridynamics.jl "linear"
     "linear"            1 − q
@@ -13,12 +15,12 @@ with `functools.partial`: they are traced and differentiable too, e.g. `partial(
     "gaussian"          exp(−(q/width)²), width ½                 Peridigm "Gaussian" with width 1
     "cubic spline"      1 − 6q² + 6q³ for q ≤ ½, 2(1 − q)³ beyond Peridynamics.jl "cubic B-spline"
 
-A constant factor on ω changes nothing in correspondence models and LPS, whose sums are divided by sums of ω.
+A constant factor on ω does not change correspondence models and LPS, because they divide their sums by sums of ω.
 
-A neighbour whose cell the horizon cuts counts with a part of its volume (`partial_volume_influence`): as ω and V enter
-every sum as their product, a factor on the volume is a factor on ω.
+The horizon may cut the cell of a neighbour. `partial_volume_influence` then counts only a part of the neighbour's
+volume. ω and V enter every sum as a product, so it applies the factor to ω.
 
-Source: Silling & Askari 2005 and Seleson & Parks 2011 for the common choices; Monaghan 1992 for the spline; Parks et
+Sources: Silling & Askari 2005 and Seleson & Parks 2011 for the common choices, Monaghan 1992 for the spline, Parks et
 al. 2008 for the partial volumes (LAMMPS).
 """
 
@@ -36,7 +38,7 @@ Lengths = Float[Array | np.ndarray, "..."]
 
 
 def _together(r: Lengths, *others: Any) -> tuple[Any, ...]:
-    """(NumPy or jax.numpy, r, the others): NumPy where r is a NumPy array and no value is traced."""
+    """The module to compute with, r and the others. It is NumPy if r is a NumPy array and no value is traced."""
     if not isinstance(r, np.ndarray):
         return jnp, r, *others
     return namespace(others), r, *on_host(others)
@@ -44,28 +46,127 @@ def _together(r: Lengths, *others: Any) -> tuple[Any, ...]:
 
 @public_function
 def constant_influence(r: Lengths, horizon) -> Lengths:
-    """ω = 1 [-]; r and horizon in [length]."""
+    """Constant influence function.
+
+    ω = 1
+
+    Parameters
+    ----------
+    r : array
+        Reference lengths of bonds [length].
+    horizon : float
+        Horizon δ [length]; ω does not depend on it.
+
+    Returns
+    -------
+    array, shape of r
+        ω [-].
+
+    Examples
+    --------
+    >>> r = np.array([0.25, 0.5, 1.0])
+    >>> pd.constant_influence(r, 1.0).tolist()
+    [1.0, 1.0, 1.0]
+    """
     xp, r = _together(r)
     return xp.ones_like(r)
 
 
 @public_function
 def inverse_distance_influence(r: Lengths, horizon) -> Lengths:
-    """ω = δ/r [-]; r and horizon in [length]."""
+    """Influence function that is inversely proportional to the distance.
+
+    ω = δ/r
+
+    Parameters
+    ----------
+    r : array
+        Reference lengths of bonds [length].
+    horizon : float
+        Horizon δ [length].
+
+    Returns
+    -------
+    array, shape of r
+        ω [-].
+
+    Notes
+    -----
+    Some public codes call this function "linear", for example Peridynamics.jl. In pdjax `linear_influence` is
+    1 − r/δ, which is zero at the horizon.
+
+    Examples
+    --------
+    >>> r = np.array([0.25, 0.5, 1.0])
+    >>> pd.inverse_distance_influence(r, 1.0).tolist()
+    [4.0, 2.0, 1.0]
+    """
     _, r, horizon = _together(r, horizon)
     return horizon / r
 
 
 @public_function
 def linear_influence(r: Lengths, horizon) -> Lengths:
-    """ω = 1 − r/δ [-], zero at the horizon; r and horizon in [length]."""
+    """Influence function that decreases linearly to zero at the horizon.
+
+    ω = 1 − r/δ
+
+    Parameters
+    ----------
+    r : array
+        Reference lengths of bonds [length].
+    horizon : float
+        Horizon δ [length].
+
+    Returns
+    -------
+    array, shape of r
+        ω [-].
+
+    Notes
+    -----
+    Some public codes use the name "linear" for δ/r, for example Peridynamics.jl. In pdjax that function is
+    `inverse_distance_influence`. With N = 1 all bonds are as long as the horizon and ω is zero for all of them, which
+    `lattice_family` refuses.
+
+    Examples
+    --------
+    >>> r = np.array([0.25, 0.5, 1.0])
+    >>> pd.linear_influence(r, 1.0).tolist()
+    [0.75, 0.5, 0.0]
+    """
     xp, r, horizon = _together(r, horizon)
     return xp.maximum(1 - r / horizon, 0)
 
 
 @public_function
 def cubic_spline_influence(r: Lengths, horizon) -> Lengths:
-    """ω = the cubic B-spline scaled to 1 at r = 0 [-], zero at the horizon; r and horizon in [length]."""
+    """Cubic B-spline, scaled to 1 at r = 0 and zero at the horizon.
+
+    ω = 1 − 6q² + 6q³ for q = r/δ ≤ ½, 2(1 − q)³ beyond
+
+    Parameters
+    ----------
+    r : array
+        Reference lengths of bonds [length].
+    horizon : float
+        Horizon δ [length].
+
+    Returns
+    -------
+    array, shape of r
+        ω [-].
+
+    References
+    ----------
+    Monaghan 1992
+
+    Examples
+    --------
+    >>> r = np.array([0.25, 0.5, 1.0])
+    >>> pd.cubic_spline_influence(r, 1.0).tolist()
+    [0.71875, 0.25, 0.0]
+    """
     xp, r, horizon = _together(r, horizon)
     q = xp.minimum(r / horizon, 1)
     return xp.where(q <= 0.5, 1 - 6 * q**2 + 6 * q**3, 2 * (1 - q) ** 3)
@@ -73,14 +174,63 @@ def cubic_spline_influence(r: Lengths, horizon) -> Lengths:
 
 @public_function
 def gaussian_influence(r: Lengths, horizon, width=0.5) -> Lengths:
-    """ω = exp(−(r/(width·δ))²) [-], cut off at the horizon; width is a fraction of the horizon [-]."""
+    """Gaussian influence function, cut off at the horizon.
+
+    ω = exp(−(r/(width·δ))²)
+
+    Parameters
+    ----------
+    r : array
+        Reference lengths of bonds [length].
+    horizon : float
+        Horizon δ [length].
+    width : float, optional
+        Width as a fraction of the horizon [-]. It may be traced.
+
+    Returns
+    -------
+    array, shape of r
+        ω [-].
+
+    Notes
+    -----
+    The function itself is positive for all r. It is cut off because a family holds no bond beyond the horizon. Pass
+    another width with `functools.partial(pd.gaussian_influence, width=0.3)`.
+
+    Examples
+    --------
+    >>> r = np.array([0.25, 0.5, 1.0])
+    >>> pd.gaussian_influence(r, 1.0).round(3).tolist()
+    [0.779, 0.368, 0.018]
+    """
     xp, r, horizon, width = _together(r, horizon, width)
     return xp.exp(-((r / (width * horizon)) ** 2))
 
 
 @public_function
 def parabolic_influence(r: Lengths, horizon) -> Lengths:
-    """ω = 1 up to half the horizon, then 4q(1 − q) [-], zero at the horizon; r and horizon in [length]."""
+    """Influence function that is 1 up to half the horizon and falls as a parabola to zero.
+
+    ω = 1 for q = r/δ ≤ ½, 4q(1 − q) beyond
+
+    Parameters
+    ----------
+    r : array
+        Reference lengths of bonds [length].
+    horizon : float
+        Horizon δ [length].
+
+    Returns
+    -------
+    array, shape of r
+        ω [-].
+
+    Examples
+    --------
+    >>> r = np.array([0.25, 0.5, 0.75, 1.0])
+    >>> pd.parabolic_influence(r, 1.0).tolist()
+    [1.0, 1.0, 0.75, 0.0]
+    """
     xp, r, horizon = _together(r, horizon)
     q = xp.minimum(r / horizon, 1)
     return xp.where(q <= 0.5, 1, 4 * q * (1 - q))
@@ -97,7 +247,7 @@ INFLUENCES: dict[str, Callable] = {
 
 
 def named_influence(influence: Any) -> Callable:
-    """An influence function from itself or from its name in `INFLUENCES`."""
+    """Return the influence function itself, or the one with this name in `INFLUENCES`."""
     if isinstance(influence, str):
         return INFLUENCES[choice("influence", influence, tuple(INFLUENCES))]
     if not callable(influence):
@@ -109,15 +259,44 @@ def named_influence(influence: Any) -> Callable:
 
 @public_function
 def partial_volume_influence(influence: Callable | str, spacing) -> Callable:
-    """`influence` times the part β of a neighbour's volume that lies within the horizon.
+    """Influence function times the share β of a neighbour's volume that lies within the horizon.
 
-        β(r) = ½ + (δ − r)/h between 0 and 1: 1 up to half a spacing h from the horizon, ½ at the horizon
+    β(r) = ½ + (δ − r)/h, limited to [0, 1]
 
-    Arguments: influence (r, δ) → ω ≥ 0; spacing h > 0 [length] of the lattice, may be traced.
-    Returns: a callable (r, δ) → ω β [-], for `lattice_family` and `families` as any other. The families hold the
-        points within δ: one beyond it is no neighbour, even if the horizon cuts its cell.
-    Raises: ValueError for a spacing that is not finite and > 0.
-    Source: Parks et al. 2008, as the PERI package of LAMMPS has it.
+    β is 1 for bonds shorter than the horizon by at least half a spacing, and ½ for bonds as long as the horizon.
+
+    Parameters
+    ----------
+    influence : callable or str
+        Influence function (r, δ) → ω ≥ 0, or its name.
+    spacing : float
+        Spacing h of the lattice [length], > 0. It may be traced.
+
+    Returns
+    -------
+    callable
+        (r, δ) → ω β [-]. Pass it to `lattice_family` or `families` as `influence`.
+
+    Raises
+    ------
+    ValueError
+        If the spacing is not finite and > 0.
+
+    Notes
+    -----
+    A family holds only the points within δ. A point beyond δ is no neighbour, even if the horizon cuts its cell.
+
+    References
+    ----------
+    Parks et al. 2008; the PERI package of LAMMPS uses this formula.
+
+    Examples
+    --------
+    On a line with δ = 2h, the neighbour at distance h counts in full and that at 2h counts by half.
+
+    >>> part = pd.partial_volume_influence("constant", spacing=1.0)
+    >>> pd.lattice_family(dim=1, N=2, influence=part).influence.tolist()
+    [1.0, 0.5, 1.0, 0.5]
     """
     spacing = as_real(spacing)
     check_positive("spacing", spacing)

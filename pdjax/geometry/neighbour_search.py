@@ -1,7 +1,8 @@
-"""Finding the families of a body: by cKDTree, on a lattice by its stencil; packed into padded arrays.
+"""The families of a body in padded arrays, found by a k-d tree or, on a lattice, from its stencil.
 
-A padded neighbour of a body's family is the point itself with weight 0 and any non-zero reference vector:
-its strain is finite, its weight kills it, and every derivative is finite, without a `where`.
+The slots that a family does not fill are padding. The neighbour in such a slot is the point itself, with weight 0 and
+any non-zero reference vector. Its strain and all derivatives are finite and its weight removes it from every sum, so
+the models need no `where`.
 """
 
 import math
@@ -24,15 +25,15 @@ from .ties import BAND, CLEAR, CutShell, cut_shell, tie_radius
 def _refuse_short_box(body: Points, radius: float) -> None:
     if body.period is not None and (np.array(body.period) <= 2 * radius).any():
         raise ValueError(
-            f"a periodic box must be longer than two horizons ({2 * radius:g}), or a point meets a neighbour"
-            f" twice; got box lengths {body.period}"
+            f"a periodic box must be longer than two horizons ({2 * radius:g}), or a point would have a neighbour"
+            f" twice; got box lengths {body.period}; use a longer box or a smaller horizon"
         )
 
 
 def checked_horizon(horizon: Any) -> float:
-    """The horizon as a number, refused where it is none, or not finite and > 0."""
+    """Return the horizon as a float; raise ValueError if it is not one number, finite and > 0."""
     if not is_concrete(horizon):
-        raise ValueError("horizon decides who is whose neighbour, so it can't be traced; pass a plain number")
+        raise ValueError("horizon decides which points are neighbours, so it can't be traced; pass a plain number")
     if np.ndim(horizon) != 0 or isinstance(horizon, str) or horizon is None:
         raise ValueError(f"horizon must be one number [length], the same for all points; got {horizon!r:.60}")
     horizon = float(horizon)
@@ -42,7 +43,10 @@ def checked_horizon(horizon: Any) -> float:
 
 
 def in_box(body: Points) -> tuple[np.ndarray, np.ndarray | None]:
-    """(positions in the periodic box, its lengths, 0 where it is not periodic), or (positions, None)."""
+    """Positions moved into the periodic box and the box lengths, 0 along axes that are not periodic.
+
+    The lengths are None if no axis is periodic.
+    """
     if body.period is None:
         return body.positions, None
     box = np.where(np.isfinite(body.period), body.period, 0.0)
@@ -51,10 +55,11 @@ def in_box(body: Points) -> tuple[np.ndarray, np.ndarray | None]:
 
 
 def pairs_within(body: Points, radius: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """All pairs i < j not farther apart than `radius`: (i, j, X_j − X_i by the shortest way in a periodic box).
+    """All pairs i < j of points within `radius`: i, j and the vectors X_j − X_i, the shortest in a periodic box.
 
-    Refuses duplicates, and boxes smaller than two horizons."""
-    from scipy.spatial import cKDTree  # late: it takes a third of a second
+    Raises ValueError if points coincide, or if a periodic box is not longer than twice the radius.
+    """
+    from scipy.spatial import cKDTree  # imported here because the import takes a third of a second
 
     _refuse_short_box(body, radius)
     X, box = in_box(body)
@@ -72,11 +77,11 @@ def pairs_within(body: Points, radius: float) -> tuple[np.ndarray, np.ndarray, n
 
 def _warn_of_cut_shell(cut: CutShell, body: Points, horizon: float) -> None:
     far = np.abs(body.positions).max(initial=0.0) > 100 * np.ptp(body.positions, axis=0).max()
-    shift = ", or shift the origin nearer to the points" if far else ""
+    shift = ", or move the origin nearer to the points" if far else ""
     warnings.warn(
-        f"the horizon {horizon:.6g} cuts through one shell of neighbours, so points that look alike may have different"
-        f" families: {cut}. Take a horizon between two shells, {CLEAR * horizon:.6g} (3 spacings become"
-        f" 3.015){shift}; pdjax.neighbour_report tells the counts",
+        f"the horizon {horizon:.6g} cuts through one shell of neighbours: {cut}. Points with the same surroundings may"
+        f" get different families. Use a horizon between two shells, such as {CLEAR * horizon:.6g} (3.015 spacings"
+        f" instead of 3){shift}. pdjax.neighbour_report shows the counts",
         stacklevel=3,
     )
 
@@ -85,14 +90,54 @@ def _warn_of_cut_shell(cut: CutShell, body: Points, horizon: float) -> None:
 def families(
     body: Points, horizon: float, influence: Callable | str = constant_influence, arrays: bool = True
 ) -> Families:
-    """Find every family of a body and pad them into arrays: by cKDTree, on a lattice by its stencil.
+    """Find the families of all points of a body, as padded arrays.
 
-    Arguments: body of any dim; horizon δ [length]; influence (r, δ) → ω ≥ 0, or its name. arrays=False (lattices only)
-        keeps the stencil and no arrays over points and bonds: enough for forces and their derivatives; energies need
-        bonds.
-    Raises: ValueError for a horizon that is not finite or below the lattice spacing, duplicate points,
-        a point without neighbours, a periodic box not longer than two horizons, a bad influence.
-    Warns where the horizon cuts through bonds of one length (`pdjax.geometry.ties`), as it may with coordinates of few digits.
+    Parameters
+    ----------
+    body : Points
+        The body, from `lattice`, `bar`, `plate`, `cuboid` or `cloud`.
+    horizon : float
+        Horizon δ [length]. It decides which points are neighbours, so it can't be traced.
+    influence : callable or str, optional
+        Influence function (r, δ) → ω ≥ 0, or its name, such as "gaussian" (see `pdjax.geometry.influence`).
+    arrays : bool, optional
+        False, for lattices only, keeps the stencil and makes no arrays over points and bonds. This is enough for
+        `force_density`, `force_operator`, `jvp` and `slab_force`; energies, motions and matrices need the arrays.
+
+    Returns
+    -------
+    Families
+        The families, padded to the size of the largest one.
+
+    Raises
+    ------
+    ValueError
+        If the horizon is not finite and > 0 or is below the lattice spacing, points coincide, a point has no neighbour,
+        a periodic box is not longer than two horizons, or ω is negative, not finite or zero for all bonds.
+
+    Warns
+    -----
+    UserWarning
+        If the horizon cuts through bonds of nearly one length, as happens with coordinates of few digits.
+
+    Notes
+    -----
+    A body takes `horizon`, a length. A lattice family takes `N`, a number of spacings: `lattice_family(dim, N)` is the
+    family of the interior points for horizon = N · spacing.
+
+    If the horizon is a whole number of spacings, bonds along the axes are exactly as long as the horizon: they tie.
+    Bonds up to δ (1 + 1e-9) plus the rounding error of the coordinates belong to the family, so ties are safe for a
+    `lattice` and for coordinates with all digits of their dtype. For a `cloud` whose coordinates were rounded further,
+    as in a text file, use 3.015 spacings instead of 3. The families of a lattice are the same for both, and no bond
+    ties at 3.015.
+
+    Examples
+    --------
+    >>> body = pd.lattice((5, 4), spacing=0.5)
+    >>> pd.families(body, horizon=1.0)
+    Families(20 points, 2D, 5 to 11 bonds a point, horizon 1)
+    >>> pd.families(pd.cloud(body.positions, body.volumes), horizon=1.005)
+    Families(20 points, 2D, 5 to 11 bonds a point, horizon 1.005)
     """
     check_body("body", body)
     horizon = checked_horizon(horizon)
@@ -102,12 +147,12 @@ def families(
         return _of_lattice(body, horizon, influence, arrays)
     if not arrays:
         raise ValueError(
-            "arrays=False is for lattices, whose families have one stencil; this body is a cloud, or has positions or"
-            " volumes of its own"
+            "arrays=False is for lattices, whose families share one stencil; this body is a cloud, or a lattice with"
+            " changed positions or volumes; use arrays=True"
         )
     radius = tie_radius(body, horizon)
     _refuse_short_box(body, radius)
-    wide = max(radius, horizon * (1 + BAND))  # a cut shell shows only beyond the horizon
+    wide = max(radius, horizon * (1 + BAND))  # a cut shell has bonds on both sides of the horizon
     fits = body.period is None or min(body.period) > 2 * wide
     lower, upper, vectors = pairs_within(body, wide if fits else radius)
     lengths = np.linalg.norm(vectors, axis=1)
@@ -116,7 +161,7 @@ def families(
         _warn_of_cut_shell(cut, body, horizon)
     lower, upper, vectors = (x[lengths <= radius] for x in (lower, upper, vectors))
     i, j = np.concatenate([lower, upper]), np.concatenate([upper, lower])
-    opposite = np.roll(np.arange(len(i)), len(lower))  # directed bond p runs back along p + pairs
+    opposite = np.roll(np.arange(len(i)), len(lower))  # bond p + pairs is opposite to bond p
     return pack(body, horizon, influence, (i, j, np.concatenate([vectors, -vectors]), opposite))
 
 
@@ -124,18 +169,18 @@ def _refuse_lonely(count: np.ndarray, horizon: float) -> None:
     if (count == 0).any():
         raise ValueError(
             f"every point needs a neighbour within the horizon {horizon:g}; point {int(np.argmin(count))} has"
-            f" none ({int((count == 0).sum())} such points)"
+            f" none ({int((count == 0).sum())} such points); use a larger horizon or remove these points"
         )
 
 
 def _of_lattice(body: Points, horizon: float, influence: Callable | str, arrays: bool) -> Families:
-    """The families of a lattice by its stencil."""
+    """Make the families of a lattice from its stencil."""
     assert body.cells is not None and body.spacing is not None
     periodic = tuple(bool(np.isfinite(p)) for p in body.period) if body.period else (False,) * body.dim
     _refuse_short_box(body, horizon * (1 + TIE))
     offsets = cells_within(body.dim, horizon / body.spacing)
     reach = np.abs(offsets) < np.array(body.cells)
-    offsets = offsets[reach.all(axis=1)]  # a bond longer than the body is nobody's
+    offsets = offsets[reach.all(axis=1)]  # no point has a bond longer than the body
     real = jnp.result_type(float)
     delta = np.asarray(horizon, dtype=real)
     vectors = offsets * body.spacing
@@ -158,7 +203,7 @@ def _of_lattice(body: Points, horizon: float, influence: Callable | str, arrays:
         return Families(None, None, None, None, None, volumes, count, delta, body.spacing, body.shape, grid, at)
     away = np.zeros((1, body.dim))
     away[0, 0] = horizon
-    xi = np.concatenate([vectors, away]).astype(real)[made.offset]  # −1, padding, is the last
+    xi = np.concatenate([vectors, away]).astype(real)[made.offset]  # padding has offset −1, so it takes the last row
     padded = namespace(omega).concatenate([omega, np.ones(1, real)])[made.offset]
     weight = (made.offset >= 0).astype(real)
     neighbours, reverse, xi, padded, weight = on_device((made.neighbours, made.reverse, xi, padded, weight))
@@ -166,7 +211,7 @@ def _of_lattice(body: Points, horizon: float, influence: Callable | str, arrays:
 
 
 def pack(body: Points, horizon: float, influence: Callable | str, directed: tuple[np.ndarray, ...]) -> Families:
-    """Directed bonds (i, j, vectors, index of the opposite bond) → padded arrays."""
+    """Pack directed bonds (i, j, vectors, index of the opposite bond) into padded arrays."""
     i, j, vectors, opposite = directed
     points = len(body)
     count = np.bincount(i, minlength=points)

@@ -1,9 +1,10 @@
-"""Points: where the matter of a body is, and how much of it each point carries.
+"""Points of a body: reference positions X_i and volumes V_i.
 
-A meshfree body is a set of points X_i with volumes V_i. On a lattice of spacing h every point sits in
-the middle of its cell, so a body of n cells along an axis fills [0, n h] and V_i = h^dim.
-Positions stay NumPy arrays in double precision: they feed the neighbour search on the host; what is
-traced and differentiated starts with the families.
+A meshfree body is a set of points X_i, each with a volume V_i. On a lattice of spacing h every point sits in the middle
+of a cell. A body of n cells along an axis therefore fills [0, n h], and V_i = h^dim.
+
+Positions are NumPy arrays in double precision, because the neighbour search runs on the host. Only the arrays of the
+families, which are made from the points, can be traced and differentiated.
 """
 
 import math
@@ -17,12 +18,34 @@ from .._internal.public import public_function
 
 
 class Points(eqx.Module):
-    """Reference positions (points, dim) [length] and volumes (points,) [length^dim] of a body.
+    """Reference positions and volumes of the points of a body.
 
-    `spacing` and `shape` are set for lattices, `shape` only where every cell is filled; `period` holds the box
-    lengths of the periodic directions (inf where not periodic), or is None. A body cut out of a lattice keeps the
-    `cells` it was cut from and its `sites` (points,), their numbers in row-major order. `precision` [length] is how
-    far the coordinates may be off, where they came as numbers of few digits (0: as double precision has them).
+    `lattice`, `bar`, `plate`, `cuboid` and `cloud` make them.
+
+    Attributes
+    ----------
+    positions : array, shape (points, dim)
+        Reference positions X_i [length].
+    volumes : array, shape (points,)
+        Volumes V_i [length^dim].
+    spacing : float or None
+        Spacing [length] of a lattice, None for a cloud.
+    shape : tuple of int or None
+        Number of cells along each axis of a lattice whose cells are all filled, else None.
+    period : tuple of float or None
+        Box lengths [length] along each axis, inf along an axis that is not periodic. None if no axis is periodic.
+    cells : tuple of int or None
+        Number of cells along each axis of the lattice, filled or not.
+    sites : array of int, shape (points,), or None
+        Cell of each point in row-major order, if a mask left cells empty.
+    precision : float
+        Error of the coordinates [length] if their dtype had fewer digits than double precision, else 0.
+
+    Examples
+    --------
+    >>> body = pd.lattice((5, 4), spacing=0.5)
+    >>> len(body), body.dim, float(body.volumes.sum())
+    (20, 2, 5.0)
     """
 
     positions: np.ndarray
@@ -36,11 +59,12 @@ class Points(eqx.Module):
 
     @property
     def dim(self) -> int:
+        """Number of space dimensions: 1, 2 or 3."""
         return self.positions.shape[1]
 
     @property
     def uniform(self) -> bool:
-        """Whether the points are still the cells of a lattice, all with the volume of a cell."""
+        """Whether all points are centres of lattice cells and have the volume of a cell."""
         if self.cells is None or self.spacing is None:
             return False
         sites = np.arange(len(self)) if self.sites is None else self.sites
@@ -55,19 +79,44 @@ class Points(eqx.Module):
 
 
 def check_body(name: str, body: object) -> None:
-    """Refuse what is no set of points."""
+    """Raise ValueError if `body` is no `Points`."""
     if not isinstance(body, Points):
         raise ValueError(f"{name} must be Points (lattice, bar, plate, cuboid, cloud); got {type(body).__name__}")
 
 
 @public_function
 def cloud(positions, volumes, period: Sequence[float] | None = None) -> Points:
-    """Any set of points.
+    """Make a body from any set of points.
 
-    Arguments: positions (points, dim) [length], dim 1 to 3, whose dtype tells how many digits are known; volumes
-        (points,) or one number [length^dim]; period (dim,) box lengths of a periodic set [length], inf where it is not
-        periodic.
-    Raises: ValueError for a wrong shape, NaN, a volume or period ≤ 0. Duplicates are found by `families`.
+    Parameters
+    ----------
+    positions : array, shape (points, dim)
+        Reference positions [length] in 1, 2 or 3 dimensions.
+    volumes : array, shape (points,), or float
+        Volumes [length^dim], or one volume for all points.
+    period : sequence of float, length dim, optional
+        Box lengths of a periodic body [length], inf along an axis that is not periodic.
+
+    Returns
+    -------
+    Points
+        The body. The arrays are copied.
+
+    Raises
+    ------
+    ValueError
+        If a shape is wrong, a number is not finite, or a volume or period is not positive.
+
+    Notes
+    -----
+    The dtype of `positions` tells how many digits are known. With float32, `families` allows for larger rounding
+    errors when it compares lengths with the horizon. `families` also finds coinciding points.
+
+    Examples
+    --------
+    >>> body = pd.cloud([[0.0, 0.0], [1.0, 0.0], [0.4, 0.9]], volumes=0.5)
+    >>> len(body), body.volumes.tolist()
+    (3, [0.5, 0.5, 0.5])
     """
     given = np.asarray(positions).dtype
     positions = finite("positions", positions)
@@ -91,11 +140,39 @@ def cloud(positions, volumes, period: Sequence[float] | None = None) -> Points:
 
 @public_function
 def lattice(shape: Sequence[int], spacing: float = 1.0, periodic: bool | Sequence[bool] = False, mask=None) -> Points:
-    """A uniform lattice of `shape` cells (one number an axis, 1 to 3 axes) of side `spacing` [length].
+    """Make a body whose points are the cells of a uniform lattice.
 
-    `periodic` (for all axes, or one flag each) joins opposite ends: the box is shape * spacing long.
-    `mask` (bools of `shape`; None: all) keeps a part of the cells: a body of any shape on the lattice.
-    Points are in row-major order: the last axis runs fastest.
+    Parameters
+    ----------
+    shape : sequence of int, length dim
+        Number of cells along each of 1 to 3 axes.
+    spacing : float, optional
+        Side h of a cell [length]. The body fills [0, shape · h], and its points are the cell centres.
+    periodic : bool or sequence of bool, optional
+        Whether opposite ends of the body are joined, for all axes or for each axis.
+    mask : array of bool, shape `shape`, optional
+        Cells to keep; all by default. It makes bodies of any outline.
+
+    Returns
+    -------
+    Points
+        The points in row-major order: the last axis runs fastest.
+
+    Raises
+    ------
+    ValueError
+        If shape, spacing, periodic or mask is out of range or has the wrong size.
+
+    Examples
+    --------
+    >>> body = pd.lattice((5, 4), spacing=0.5)
+    >>> body.positions[:3].tolist()
+    [[0.25, 0.25], [0.25, 0.75], [0.25, 1.25]]
+
+    A mask leaves one cell empty.
+
+    >>> len(pd.lattice((5, 4), mask=np.arange(20).reshape(5, 4) != 7))
+    19
     """
     shape = tuple(int(n) for n in shape)
     if len(shape) not in (1, 2, 3) or min(shape) < 1:
@@ -135,7 +212,30 @@ def _box(lengths: Sequence[float], spacing: float) -> Points:
 
 @public_function
 def bar(n: int, length: float = 1.0) -> Points:
-    """A 1D bar of `n` points filling [0, length]; spacing length / n."""
+    """Make a 1D bar of `n` equally spaced points that fills [0, length].
+
+    Parameters
+    ----------
+    n : int
+        Number of points. The spacing is length / n.
+    length : float, optional
+        Length of the bar [length].
+
+    Returns
+    -------
+    Points
+        A lattice in 1D.
+
+    Raises
+    ------
+    ValueError
+        If n < 1, or the length is not finite and > 0.
+
+    Examples
+    --------
+    >>> pd.bar(4).positions.ravel().tolist()
+    [0.125, 0.375, 0.625, 0.875]
+    """
     if n < 1:
         raise ValueError(f"n must be >= 1; got {n}")
     return lattice((n,), length / n)
@@ -143,7 +243,30 @@ def bar(n: int, length: float = 1.0) -> Points:
 
 @public_function
 def plate(lengths: Sequence[float], spacing: float) -> Points:
-    """A 2D rectangle of `lengths` (2,) [length] filled by a lattice of `spacing`."""
+    """Make a 2D rectangle filled by a uniform lattice.
+
+    Parameters
+    ----------
+    lengths : sequence of float, length 2
+        Sides of the rectangle [length]. Each must be a whole number of spacings.
+    spacing : float
+        Spacing of the lattice [length].
+
+    Returns
+    -------
+    Points
+        A lattice in 2D, with a corner at the origin.
+
+    Raises
+    ------
+    ValueError
+        If a length is no whole number of spacings, or a number is not finite and > 0.
+
+    Examples
+    --------
+    >>> pd.plate((2.5, 2.0), spacing=0.5).shape
+    (5, 4)
+    """
     if len(lengths) != 2:
         raise ValueError(f"lengths of a plate must be two numbers; got {tuple(lengths)}")
     return _box(lengths, spacing)
@@ -151,7 +274,30 @@ def plate(lengths: Sequence[float], spacing: float) -> Points:
 
 @public_function
 def cuboid(lengths: Sequence[float], spacing: float) -> Points:
-    """A 3D cuboid of `lengths` (3,) [length] filled by a lattice of `spacing`."""
+    """Make a 3D cuboid filled by a uniform lattice.
+
+    Parameters
+    ----------
+    lengths : sequence of float, length 3
+        Sides of the cuboid [length]. Each must be a whole number of spacings.
+    spacing : float
+        Spacing of the lattice [length].
+
+    Returns
+    -------
+    Points
+        A lattice in 3D, with a corner at the origin.
+
+    Raises
+    ------
+    ValueError
+        If a length is no whole number of spacings, or a number is not finite and > 0.
+
+    Examples
+    --------
+    >>> pd.cuboid((1.0, 1.5, 2.0), spacing=0.5).shape
+    (2, 3, 4)
+    """
     if len(lengths) != 3:
         raise ValueError(f"lengths of a cuboid must be three numbers; got {tuple(lengths)}")
     return _box(lengths, spacing)

@@ -1,4 +1,4 @@
-"""What the families of a set of points would be, before they are made: counts, ties, the next shell, lonely points."""
+"""Report on the families of a set of points before they are made: counts, ties, the next shell, isolated points."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -13,13 +13,37 @@ from .ties import BAND, CLEAR, CutShell, cut_shell, tie_radius
 
 @dataclass(frozen=True, repr=False)
 class NeighbourReport:
-    """The answer of `neighbour_report`; `print` it for words.
+    """Result of `neighbour_report`: the neighbours within a horizon. `print` shows a summary.
 
-    count (points,) neighbours within the horizon; alone (points,) whether a point has none; nearest (points,) distance
-    of the nearest neighbour [length], inf beyond 1.5 horizons; horizon [length]; tie [length]: how far beyond the
-    horizon a bond may be and still count, for its length is known no better; at_horizon: bonds that are as long as the
-    horizon to within `tie`; below, above [length]: the longest bond within the horizon, the shortest one beyond
-    (0 and inf where there is none up to 1.5 horizons); cut: the shell that the horizon cuts, or None.
+    The report covers bonds up to 1.5 horizons, or less in a periodic box that is not longer than 3 horizons.
+
+    Attributes
+    ----------
+    count : array of int, shape (points,)
+        Number of neighbours of each point.
+    alone : array of bool, shape (points,)
+        Whether a point has no neighbour.
+    nearest : array, shape (points,)
+        Distance of the nearest neighbour [length], inf if the report finds none.
+    horizon : float
+        Horizon δ [length].
+    tie : float
+        Rounding error [length] by which a bond may exceed the horizon and still belong to the family.
+    at_horizon : int
+        Number of bonds that are as long as the horizon to within `tie`.
+    below, above : float
+        Length of the longest bond within the horizon, and of the shortest bond beyond it [length]; 0 and inf if there
+        is none.
+    cut : CutShell or None
+        Shell of nearly equal bonds that the horizon cuts, if there is one. Then choose another horizon.
+
+    Examples
+    --------
+    >>> report = pd.neighbour_report(pd.lattice((5, 4)), horizon=2.1)
+    >>> int(report.count.min()), int(report.count.max()), report.spacing
+    (5, 11, 1.0)
+    >>> report.below, round(report.above, 3)
+    (2.0, 2.236)
     """
 
     count: np.ndarray
@@ -34,7 +58,7 @@ class NeighbourReport:
 
     @property
     def spacing(self) -> float:
-        """The median distance of nearest neighbours [length]."""
+        """Median distance of nearest neighbours [length]."""
         return float(np.median(self.nearest))
 
     def __repr__(self) -> str:
@@ -48,17 +72,40 @@ class NeighbourReport:
         if self.alone.any():
             lines.append(f"without a neighbour: {self.alone.sum()} points, the first is point {np.argmax(self.alone)}")
         if self.cut is not None:
-            lines.append(f"the horizon cuts a shell: {self.cut}; {CLEAR * self.horizon:.6g} would not")
+            lines.append(f"the horizon cuts a shell: {self.cut}; a horizon of {CLEAR * self.horizon:.6g} would not")
         return "\n".join(lines)
 
 
 @public_function
 def neighbour_report(points: Points, horizon: float) -> NeighbourReport:
-    """Counts, ties and the next shell of the families that `families(points, horizon)` would make.
+    """Report counts, ties and the next shell of the families that `families(points, horizon)` would make.
 
-    Arguments: points of any dim; horizon δ [length].  Returns: `NeighbourReport`.
-    Raises: ValueError for a horizon that is not finite and > 0, coinciding points, a periodic box not longer than two
-        horizons.
+    Use it to choose a horizon for points from a file.
+
+    Parameters
+    ----------
+    points : Points
+        The body, from `cloud`, `lattice` and so on.
+    horizon : float
+        Horizon δ [length].
+
+    Returns
+    -------
+    NeighbourReport
+        Numbers of neighbours, isolated points, lengths next to the horizon, and a shell that the horizon cuts.
+
+    Raises
+    ------
+    ValueError
+        If the horizon is not finite and > 0, points coincide, or a periodic box is not longer than two horizons.
+
+    Examples
+    --------
+    >>> print(pd.neighbour_report(pd.lattice((5, 4)), horizon=2.1))
+    20 points, 77 bonds; horizon 2.1, 2.1 spacings
+    neighbours of a point: 5 to 11, median 7
+    longest bond within 2, shortest beyond 2.23607
+    bonds as long as the horizon, to within 2.1e-09: 0
     """
     check_body("points", points)
     horizon = checked_horizon(horizon)

@@ -1,8 +1,8 @@
-"""The families of a lattice, from one stencil: no search.
+"""The families of a lattice from one stencil, without a neighbour search.
 
-A bond of a lattice is an offset o of whole cells; the point at cell c has it where cell c + o is filled (or lies
-across a periodic edge). Slots are filled offset by offset, in the order of the offsets, so that everything needs
-memory of a few numbers a point beside the answer.
+A bond of a lattice is an offset o of whole cells. The point in cell c has this bond if cell c + o is filled, across
+periodic edges too. The code fills the slots one offset after the other, in the order of the offsets. Beside the
+result it therefore needs memory for only a few numbers a point.
 """
 
 import itertools
@@ -13,7 +13,7 @@ from .points import Points
 
 
 def shifted(numbers: np.ndarray, offset: tuple[int, ...], periodic: tuple[bool, ...]) -> np.ndarray:
-    """numbers[c + offset] at every cell c; −1 beyond an edge that is not periodic."""
+    """Return numbers[c + offset] for every cell c, and −1 beyond an edge that is not periodic."""
     out = np.full_like(numbers, -1)
     here, there = [], []
     for n, o, wraps in zip(numbers.shape, offset, periodic, strict=True):
@@ -30,9 +30,16 @@ def shifted(numbers: np.ndarray, offset: tuple[int, ...], periodic: tuple[bool, 
 
 
 class LatticeArrays:
-    """count (points,) of bonds; unless not `arrays`: neighbours, reverse (points, slots) int32, and offset (points,
-    slots), the number of the bond's offset (−1: padding). Without arrays: `patterns` (kinds, offsets), which bonds
-    the different kinds of families have, and `examples` (kinds,), a point of each."""
+    """Neighbour arrays of a lattice, or only its kinds of families.
+
+    `count` (points,) is the number of bonds of each point.
+
+    With `arrays`: `neighbours` and `reverse` (points, slots) as in `Families`, and `offset` (points, slots), the index
+    of the bond's offset, −1 for padding.
+
+    Without: `patterns` (kinds, offsets) tells which bonds each kind of family has, and `examples` (kinds,) is one point
+    of each kind.
+    """
 
     def __init__(self, body: Points, offsets: np.ndarray, periodic: tuple[bool, ...], arrays: bool):
         points = len(body)
@@ -52,7 +59,7 @@ class LatticeArrays:
             if arrays:
                 place[b, found] = self.count[found]
             else:
-                keys += np.where(found, weights[b], np.uint64(0))  # a family's sum tells it from every other
+                keys += np.where(found, weights[b], np.uint64(0))  # this random sum identifies the kind of family
             self.count += found
         if not arrays:
             self.examples = np.unique(keys, return_index=True)[1]
@@ -69,5 +76,5 @@ class LatticeArrays:
             i = np.flatnonzero(j >= 0)
             slot = place[b, i]
             self.neighbours[i, slot] = j[i]
-            self.reverse[i, slot] = place[len(offsets) - 1 - b, j[i]]  # lexicographic order: −o is the mirror place
+            self.reverse[i, slot] = place[len(offsets) - 1 - b, j[i]]  # −o mirrors o in lexicographic order
             self.offset[i, slot] = b

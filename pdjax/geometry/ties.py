@@ -1,11 +1,12 @@
-"""Bonds as long as the horizon: whose family they belong to must not depend on rounding.
+"""Ties: bonds as long as the horizon, whose family must not depend on rounding.
 
-On a lattice with a horizon of whole spacings many bonds are exactly as long as the horizon. Their computed lengths are
-off by what the coordinates were rounded by: a coordinate of size |X| in floating point is known to eps |X|, so a length
-is known to √dim eps |X|, however short it is. Lengths up to `tie_radius` count as within the horizon.
+If the horizon of a lattice is a whole number of spacings, many bonds are exactly as long as the horizon. Their computed
+lengths have rounding errors: a floating-point coordinate of size |X| has the error eps |X|, so a length has the error
+√dim eps |X|, however short it is. Lengths up to `tie_radius` therefore count as within the horizon.
 
-Coordinates with fewer digits than their dtype, read from a text file, are off by more than that. Then the bonds of one
-shell scatter to both sides of the horizon, and points that look alike get different families. `cut_shell` finds it.
+Coordinates from a text file may have fewer digits than their dtype, and so larger errors. The lengths of one shell of
+neighbours then scatter to both sides of the horizon, and points with the same surroundings get different families.
+`cut_shell` detects this.
 """
 
 import math
@@ -16,23 +17,26 @@ import numpy as np
 from .bonds import TIE
 from .points import Points
 
-BAND = 0.02  # of the horizon, to either side: where a cut shell is looked for
-CLEAR = 1.005  # horizons: beyond a shell that it cuts, and short of the next (3 spacings become 3.015)
-GAP = 4e-3  # of the horizon: lengths nearer to each other than this are of one shell
+BAND = 0.02  # `cut_shell` looks at lengths that differ from the horizon by at most this fraction of it
+CLEAR = 1.005  # advised horizon over a horizon that cuts a shell: beyond this shell, short of the next (3.015 for 3)
+GAP = 4e-3  # lengths that differ by less than this fraction of the horizon belong to one shell
 
 
 def coordinate_precision(body: Points) -> float:
-    """To how much the coordinates are known [length]: by their size and dtype."""
+    """Error of the coordinates [length], from their size and dtype."""
     return max(body.precision, float(np.finfo(float).eps * np.abs(body.positions).max()))
 
 
 def tie_radius(body: Points, horizon: float) -> float:
-    """The length up to which a bond is within the horizon [length]: the horizon and what rounding may have added."""
+    """Largest length of a bond within the horizon [length]: the horizon plus possible rounding errors."""
     return horizon * (1 + TIE) + 2 * math.sqrt(body.dim) * coordinate_precision(body)
 
 
 class CutShell(NamedTuple):
-    """Bonds of nearly one length, some within the horizon and some beyond."""
+    """A shell of bonds of nearly equal length, some within the horizon and some beyond.
+
+    `shortest` and `longest` are lengths [length]; `within` and `beyond` count the bonds.
+    """
 
     shortest: float
     longest: float
@@ -41,15 +45,15 @@ class CutShell(NamedTuple):
 
     def __str__(self) -> str:
         return (
-            f"{self.within + self.beyond} bonds have lengths from {self.shortest:.6g} to {self.longest:.6g}, and the"
-            f" horizon takes {self.within} of them and leaves {self.beyond}"
+            f"{self.within + self.beyond} bonds have lengths from {self.shortest:.6g} to {self.longest:.6g};"
+            f" {self.within} of them are within the horizon and {self.beyond} beyond"
         )
 
 
 def cut_shell(lengths: np.ndarray, body: Points, horizon: float) -> CutShell | None:
-    """The shell that the horizon cuts, if there is one, from all lengths up to (1 + BAND) horizons.
+    """Find the shell that the horizon cuts, or None, from all lengths up to (1 + BAND) horizons.
 
-    A shell stands alone: nothing else is within GAP of it. Points at random have no shells.
+    A shell is a group of lengths that is separated from all others by more than GAP. Random points have no shells.
     """
     radius = tie_radius(body, horizon)
     near = np.sort(lengths[abs(lengths - horizon) <= BAND * horizon])

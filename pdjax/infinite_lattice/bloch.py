@@ -26,7 +26,8 @@ Sources: Born & Huang 1954 for the method; this form for state-based peridynamic
 """
 
 from collections.abc import Callable
-from typing import NamedTuple
+from functools import singledispatch
+from typing import Any, ClassVar, NamedTuple
 
 import equinox as eqx
 import jax
@@ -37,7 +38,7 @@ from jaxtyping import Array, Float
 from ..force.fields import affine_stress
 from ..geometry.bonds import LatticeFamily
 from ..models.base import AbstractModel, PointStateModel, TwoStageModel
-from ..tangent.linearise import TwoStage, family_tangent, linearise_states, linearise_two_stage
+from ..tangent.linearise import family_tangent, linearise_states, linearise_two_stage
 
 
 class Phases(NamedTuple):
@@ -81,9 +82,19 @@ def _sums(t: "StateTangent | TwoStageTangent", phases: Phases) -> tuple[Array, A
 class StateTangent(eqx.Module):
     """b, g, r over the half family of a point-state model."""
 
+    rings: ClassVar[int] = 2  # how many rings of neighbours the blocks of its series reach
+
     b: Float[Array, "half dim dim"]
     g: Float[Array, "half dim rank"]
     r: Float[Array, "half rank dim"]
+
+    @classmethod
+    def of(cls, model: Any, family: LatticeFamily, F: Float[Array, "dim dim"]) -> "StateTangent":
+        """The tangent of a point-state model at x = F X."""
+        bonds, half = family.bonds(F), family.xi.shape[0] // 2
+        V, t = bonds.volume[0], linearise_states(model, bonds, first=half)
+        # far-end states carry e^{ik·ξ}: by parity their G adds to the near one in (Σ g s)
+        return cls(2 * V * t.B, 2 * V * (t.G + t.there), 2 * t.R.transpose(1, 0, 2))
 
     def __call__(self, phases: Phases) -> Float[Array, "*waves dim dim"]:
         """Ĵ at every wave of `phases` [force/length^(dim+1)]."""
@@ -113,8 +124,19 @@ class StateTangent(eqx.Module):
 class DenseTangent(eqx.Module):
     """V C folded on the half family by parity, for models that give the energy alone."""
 
+    rings: ClassVar[int] = 2
+
     even: Float[Array, "half dim half dim"]
     odd: Float[Array, "half dim half dim"]
+
+    @classmethod
+    def of(cls, model: Any, family: LatticeFamily, F: Float[Array, "dim dim"]) -> "DenseTangent":
+        """The tangent of any model of one stage at x = F X."""
+        bonds, half = family.bonds(F), family.xi.shape[0] // 2
+        C = bonds.volume[0] * family_tangent(model, bonds)
+        same, cross = C[:half, :, :half], C[:half, :, half:]
+        mirror, back = C[half:, :, half:], C[half:, :, :half]
+        return cls(same + cross + back + mirror, same - cross - back + mirror)
 
     def __call__(self, phases: Phases) -> Float[Array, "*waves dim dim"]:
         cosine = jnp.einsum("...a,aibj,...b->...ij", phases.even, self.even, phases.even)
@@ -127,11 +149,22 @@ class DenseTangent(eqx.Module):
 class TwoStageTangent(eqx.Module):
     """b, g, r over the half family of a model of two stages, and the energy of its states: at rest, and by cos k·ξ."""
 
+    rings: ClassVar[int] = 3
+
     b: Float[Array, "half dim dim"]
     g: Float[Array, "half dim rank"]
     r: Float[Array, "half rank dim"]
     level: Float[Array, "rank rank"]
     mixed: Float[Array, "half rank rank"]
+
+    @classmethod
+    def of(cls, model: Any, family: LatticeFamily, F: Float[Array, "dim dim"]) -> "TwoStageTangent":
+        """The tangent of a model of two stages at x = F X: the Hessians of its whole family, folded on one half."""
+        t, half = linearise_two_stage(model, family.bonds(F)), family.xi.shape[0] // 2
+        level = jnp.sum(t.here + t.there + t.mixed + t.mixed.mT, axis=0)
+        mixed = 2 * (t.mixed + t.mixed.mT)[:half]
+        by_states = 2 * (t.by_here + t.by_there)[:half]
+        return cls(2 * t.direct[:half], by_states, 2 * t.R[:, :half].transpose(1, 0, 2), level, mixed)
 
     def __call__(self, phases: Phases) -> Float[Array, "*waves dim dim"]:
         direct, left, state = _sums(self, phases)
@@ -145,54 +178,60 @@ class TwoStageTangent(eqx.Module):
 Tangent = StateTangent | DenseTangent | TwoStageTangent
 
 
-def two_stage_tangent(t: TwoStage) -> TwoStageTangent:
-    """Fold the Hessians of a whole centro-symmetric family on its half."""
-    half = t.direct.shape[0] // 2
-    level = jnp.sum(t.here + t.there + t.mixed + t.mixed.mT, axis=0)
-    mixed = 2 * (t.mixed + t.mixed.mT)[:half]
-    return TwoStageTangent(
-        2 * t.direct[:half], 2 * (t.by_here + t.by_there)[:half], 2 * t.R[:, :half].transpose(1, 0, 2), level, mixed
-    )
+@singledispatch
+def tangent_kind(model: AbstractModel) -> type[Tangent]:
+    """The class of a model's tangent. Each kind of model registers its own."""
+    return DenseTangent
+
+
+@tangent_kind.register(PointStateModel)
+def _of_states(model: PointStateModel) -> type[Tangent]:
+    return StateTangent if model.even else DenseTangent
+
+
+@tangent_kind.register(TwoStageModel)
+def _of_both_ends(model: TwoStageModel) -> type[Tangent]:
+    return TwoStageTangent
 
 
 def homogeneous_tangent(model: AbstractModel, family: LatticeFamily, F: Float[Array, "dim dim"]) -> Tangent:
     """Linearise a model once at x = F X; the result is called on `Phases`."""
-    bonds = family.bonds(F)
-    half = family.xi.shape[0] // 2
-    V = bonds.volume[0]
     if model.needs_other_end and not model.even:
         raise ValueError(
             f"{type(model).__name__} needs the states of both ends and they are not even (ξ → −ξ): its symbol"
             " is found by pdjax.cell_symbol of one point"
         )
-    if isinstance(model, TwoStageModel):
-        return two_stage_tangent(linearise_two_stage(model, bonds))
-    if isinstance(model, PointStateModel) and model.even:
-        t = linearise_states(model, bonds, first=half)
-        # far-end states carry e^{ik·ξ}: by parity their G adds to the near one in (Σ g s)
-        return StateTangent(2 * V * t.B, 2 * V * (t.G + t.there), 2 * t.R.transpose(1, 0, 2))
-    C = V * family_tangent(model, bonds)
-    same, cross = C[:half, :, :half], C[:half, :, half:]
-    mirror, back = C[half:, :, half:], C[half:, :, :half]
-    return DenseTangent(same + cross + back + mirror, same - cross - back + mirror)
+    return tangent_kind(model).of(model, family, F)
 
 
+@singledispatch
 def block_at_center(model: AbstractModel, family: LatticeFamily, F: Float[Array, "dim dim"]) -> Float[Array, "dim dim"]:
-    """∂f(X)/∂x(X) on an infinite lattice under x = F X (`pdjax.center_block`), unchecked, for drivers to trace."""
+    """∂f(X)/∂x(X) on an infinite lattice under x = F X (`pdjax.center_block`), unchecked, for drivers to trace.
+
+    Each kind of model registers its own.
+    """
     bonds = family.bonds(F)
-    if isinstance(model, TwoStageModel):  # the mean of the symbol: exact, for no harmonic is higher than 3N
-        waves = np.stack(np.meshgrid(*[np.arange(3 * family.reach + 1)] * family.dim, indexing="ij"), axis=-1)
-        k = jnp.asarray(2 * np.pi / len(waves) * waves.reshape(-1, family.dim), dtype=family.xi.dtype) / family.spacing
-        tangent = two_stage_tangent(linearise_two_stage(model, bonds))
-        return jnp.mean(tangent(wave_phases(family, k)), axis=0)
-    if isinstance(model, PointStateModel):  # the same sums without ever forming C
-        t = linearise_states(model, bonds)
-        far = jnp.einsum("b,bir,rbj->ij", bonds.volume, t.G + t.there, t.R)
-        own = jnp.einsum("b,bir->ir", bonds.volume, t.G + t.there) @ t.R.sum(axis=1)
-        return -2 * jnp.einsum("b,bij->ij", bonds.volume, t.B) - own - far
     C = family_tangent(model, bonds)
     own = jnp.einsum("b,bicj->ij", bonds.volume, C)
     return -own - jnp.einsum("b,bibj->ij", bonds.volume, C)
+
+
+@block_at_center.register(PointStateModel)
+def _block_of_states(model: PointStateModel, family: LatticeFamily, F: Array) -> Float[Array, "dim dim"]:
+    """The same sums without ever forming C."""
+    bonds = family.bonds(F)
+    t = linearise_states(model, bonds)
+    far = jnp.einsum("b,bir,rbj->ij", bonds.volume, t.G + t.there, t.R)
+    own = jnp.einsum("b,bir->ir", bonds.volume, t.G + t.there) @ t.R.sum(axis=1)
+    return -2 * jnp.einsum("b,bij->ij", bonds.volume, t.B) - own - far
+
+
+@block_at_center.register(TwoStageModel)
+def _block_of_both_ends(model: TwoStageModel, family: LatticeFamily, F: Array) -> Float[Array, "dim dim"]:
+    """The mean of the symbol over a grid of waves: exact, because no harmonic is higher than 3N."""
+    waves = np.stack(np.meshgrid(*[np.arange(3 * family.reach + 1)] * family.dim, indexing="ij"), axis=-1)
+    k = jnp.asarray(2 * np.pi / len(waves) * waves.reshape(-1, family.dim), dtype=family.xi.dtype) / family.spacing
+    return jnp.mean(TwoStageTangent.of(model, family, F)(wave_phases(family, k)), axis=0)
 
 
 @eqx.filter_jit

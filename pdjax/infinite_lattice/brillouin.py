@@ -1,16 +1,22 @@
-"""The search over the Brillouin zone: where is a symbol's largest eigenvalue, or its largest quotient by M κ²?
+"""Grid and search of the Brillouin zone.
 
-1. **Grid**: `intervals` steps from 0 to π/h along each axis, so that every half-reciprocal point (components 0 or
-   π/h) is on it exactly, reduced by the symmetry that the deformed lattice keeps. Closed-form eigenvalues of the d ×
-   d blocks screen it: they lose half the digits at a double root, so they only choose where to look.
-2. **Starts**: the best grid point nearest to each half-reciprocal point (for each sign of k), so that a narrow
-   maximum by one of them is not hidden by a higher one elsewhere, and the best one that is not next to the best of all;
-   moved off the grid, for half-reciprocal points are stationary by symmetry and may be saddles.
-3. **Refinement**: maximise eᵀA(k)e / eᵀe over k and e together, which is smooth even where eigenvalues cross, by
-   damped Newton steps on exact derivatives, all starts batched (`pdjax.infinite_lattice.climb`).
-4. **Decision**: `eigh` at the best point found, on the grid or off it.
+The search looks for the wave vector k at which the largest eigenvalue of a symbol Ĵ(k), or its quotient by M κ², is
+largest. M is the P-wave modulus, h the spacing and κ² = Σ_i ((2/h) sin(k_i h/2))². The search has four steps.
 
-The limit k → 0 is searched the same way over directions.
+1. **Grid.** The grid has `intervals` steps from 0 to π/h along each axis. Every half-reciprocal point (a wave vector
+   with components 0 or π/h) therefore lies on it exactly. The symmetry of the deformed lattice reduces the grid.
+   Closed-form eigenvalues of the d × d blocks **screen** the grid: they only choose where to look, because they lose
+   half of their digits at a double root.
+2. **Starts.** The grid points are divided into classes. A class holds the points that are nearest to the same
+   half-reciprocal point and whose components have the same signs. The best point of every class is a **start**, so
+   that a narrow maximum near one half-reciprocal point is not hidden by a higher one elsewhere. The best point that is
+   no neighbour of the best point of all is another start. Starts are moved a little off the grid, because
+   half-reciprocal points are stationary by symmetry and may be saddle points.
+3. **Climb.** Damped Newton steps with exact derivatives maximise eᵀA(k)e / eᵀe over k and e together, from all starts
+   in one batch (`pdjax.infinite_lattice.climb`). This quotient is smooth even where eigenvalues cross.
+4. **Decision.** `eigh` gives the eigenvalue at the best point found, whether it lies on the grid or not.
+
+The limit k → 0 is searched in the same way over the directions of k.
 """
 
 from functools import lru_cache
@@ -26,28 +32,31 @@ SYMMETRIES = ("cubic", "tetragonal", "orthorhombic", "inversion")
 
 
 class Zone(NamedTuple):
-    """The reduced grid of a Brillouin zone, in units of 1/spacing, without k = 0; NumPy, fixed at trace time."""
+    """The reduced grid of a Brillouin zone in units of 1/spacing and without k = 0. A trace sees constants."""
 
     grid: np.ndarray  # (waves, dim)
     members: np.ndarray  # (classes, most) indices of the grid points of each class, padded with its first
-    axes: tuple[np.ndarray, ...]  # components along each axis of the box that the grid is a part of
-    places: np.ndarray  # (waves,) where the grid points stand in the flattened box
+    axes: tuple[np.ndarray, ...]  # components along each axis of the rectangular box that contains the grid
+    places: np.ndarray  # (waves,) indices of the grid points in the flattened box
     step: float
     intervals: int
     symmetry: str
 
 
 def default_intervals(N: float) -> int:
-    """Grid intervals over [0, π/h] for horizon ratio N: 8 a bond length, about 4 for each harmonic of Ĵ (up to 2N)."""
+    """The default number of grid intervals over [0, π/h] for a horizon of N spacings: 8 for each spacing.
+
+    The highest harmonic of a symbol of two rings is 2N, so that each of its half periods has 4 intervals.
+    """
     return 8 * int(np.ceil(N - 1e-9))
 
 
 @lru_cache(maxsize=64)
 def brillouin_zone(dim: int, intervals: int, symmetry: str = "inversion") -> Zone:
-    """The grid, reduced by what the deformed lattice keeps of the cubic symmetry.
+    """The grid, reduced by the part of the cubic symmetry that the deformed lattice has.
 
-    symmetry: "cubic" (F a multiple of I), "tetragonal" (F diagonal, all but the first stretch equal), "orthorhombic"
-    (F diagonal), "inversion" (any F: Ĵ(−k) = Ĵ(k)).
+    `symmetry` is "cubic" if F is a multiple of I, "tetragonal" if F is diagonal and all stretches but the first are
+    equal, "orthorhombic" if F is diagonal, and "inversion" for any other F, because Ĵ(−k) = Ĵ(k) always holds.
     """
     steps = np.arange(intervals + 1)
     whole = np.arange(-intervals + 1, intervals + 1) if symmetry == "inversion" else steps
@@ -64,9 +73,10 @@ def brillouin_zone(dim: int, intervals: int, symmetry: str = "inversion") -> Zon
     groups = [np.flatnonzero(labels == c) for c in range(labels.max() + 1)]
     most = max(len(g) for g in groups)
     members = np.stack([np.concatenate([g, np.full(most - len(g), g[0])]) for g in groups])
-    members = members.astype(np.int32)  # jax 0.10 keeps an int64 constant of a float64 run and fails in float32 on it
+    # int32, because jax 0.10 keeps an int64 constant of a float64 run and a later float32 run fails on it.
+    members = members.astype(np.int32)
     step = np.pi / intervals
-    scaled = tuple(np.pi * (axis / intervals) for axis in axes)  # π exactly at the corners
+    scaled = tuple(np.pi * (axis / intervals) for axis in axes)  # This order of operations gives exactly π.
     return Zone(np.pi * (index / intervals), members, scaled, places, step, intervals, symmetry)
 
 
@@ -80,7 +90,7 @@ def half_reciprocal_points(dim: int) -> np.ndarray:
 
 @lru_cache(maxsize=8)
 def directions(dim: int) -> np.ndarray:
-    """Unit directions over half a circle or sphere, the axes among them (inversion does the rest)."""
+    """Unit directions over half a circle or half a sphere, with the coordinate axes. Inversion gives the other half."""
     if dim == 1:
         return np.ones((1, 1))
     if dim == 2:
@@ -92,7 +102,10 @@ def directions(dim: int) -> np.ndarray:
 
 
 def largest_eigenvalue(A: list[list[Any]]) -> Any:
-    """Closed-form λ_max of symmetric 1×1, 2×2, 3×3 blocks given as separate arrays: a screen, not a verdict."""
+    """Closed-form λ_max of symmetric 1×1, 2×2 or 3×3 blocks, whose entries are separate arrays.
+
+    It is accurate enough to screen the grid but not to give a verdict.
+    """
     xp = namespace(A)
     if len(A) == 1:
         return A[0][0]
@@ -104,7 +117,7 @@ def largest_eigenvalue(A: list[list[Any]]) -> Any:
     d, e, f = A[0][1], A[0][2], A[1][2]
     p = xp.sqrt((a**2 + b**2 + c**2 + 2 * (d**2 + e**2 + f**2)) / 6)
     det = a * (b * c - f**2) - d * (d * c - f * e) + e * (d * f - b * e)
-    cosine = xp.clip(det / (2 * xp.maximum(p**3, np.finfo(p.dtype).tiny)), -1, 1)  # a multiple of I: 0/tiny
+    cosine = xp.clip(det / (2 * xp.maximum(p**3, np.finfo(p.dtype).tiny)), -1, 1)  # A multiple of I gives 0/tiny = 0.
     return mean + 2 * p * xp.cos(xp.arccos(cosine) / 3)
 
 
@@ -115,15 +128,17 @@ def top_pair(A: Float[Array, "dim dim"]) -> tuple[Array, Array]:
 
 
 def class_best(zone: Zone, screen: Float[Any, " waves"]) -> Int[Any, " classes"]:
-    """The number of the best grid point of every class."""
+    """The index of the best grid point of every class."""
     xp = namespace(screen)
     best = xp.argmax(screen[zone.members], axis=1)
     return xp.take_along_axis(xp.asarray(zone.members), best[:, None], axis=1)[:, 0]
 
 
 def second_best(zone: Zone, screen: Float[Any, " waves"]) -> Int[Any, ""]:
-    """The number of the best grid point that is farther than 2½ steps from the best: on a ridge with two tops it may be
-    on the other. Waves k, −k and k + 2π/h are one."""
+    """The index of the best grid point that is more than 2½ steps away from the best point of all.
+
+    On a ridge with two maxima it may belong to the other maximum. k, −k and k + 2π/h are the same wave.
+    """
     xp, grid = namespace(screen), zone.grid.astype(screen.dtype)
     best = xp.asarray(grid)[xp.argmax(screen)]
     away = [x - 2 * np.pi * xp.round(x / (2 * np.pi)) for x in (grid - best, grid + best)]
@@ -132,5 +147,5 @@ def second_best(zone: Zone, screen: Float[Any, " waves"]) -> Int[Any, ""]:
 
 
 def nudge(dim: int, step: float) -> np.ndarray:
-    """A small move in general position, off whatever symmetry a grid point has."""
+    """A small shift in a direction without symmetry, which moves a start off the symmetry planes of the grid."""
     return step * np.array([0.29, 0.17, 0.11])[:dim]

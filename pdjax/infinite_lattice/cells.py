@@ -1,15 +1,17 @@
-"""The symbol of a periodic lattice whose cell holds several points: jittered, graded, period-doubled.
+"""The symbol of a periodic lattice whose unit cell holds several points.
 
-A cell of q points at X_i, repeated with the periods p, moves as u_i(R) = e_i e^{ik·(X_i + R)}. Then
+Examples are jittered, graded and period-doubled lattices. A cell has q points at X_i and repeats with the periods p. A
+plane wave moves the points of the cell at R by u_i(R) = e_i e^{ik·(X_i + R)}. Then
 
     δη_ij = e^{ik·ξ} e_j − e_i,    δT = (∂T/∂η) δη,    (Ĵ e)_i = Σ_j V_j (δT_ij − e^{ik·ξ} δT_ji)
 
-with δT by JVP of the very function that gives the forces of bodies, real and imaginary parts side by side; whatever
-travels from point to point (far ends' states, reverse bonds) turns by its phase on the way. V Ĵ is Hermitian for models
-with an energy; eigenvalues are those of V^½ Ĵ V^−½. With q = 1 it is `pdjax.symbol` (tests), at more cost.
+δT is the JVP of the function that computes the forces of finite bodies. Real and imaginary parts are stored as two
+copies of the cell. Quantities that one point reads from another (the state of the far end, the reverse bond) are
+multiplied by the phase e^{ik·ξ} of their bond. V Ĵ is Hermitian for a model with an energy. The eigenvalues are those
+of V^½ Ĵ V^−½. For q = 1 the result is `pdjax.symbol`, at a higher cost.
 
-A cell under a mean deformation F is in equilibrium only where every point sits at a centre of symmetry: `relaxed` finds
-the displacements that balance it, by Newton steps from the affine ones.
+A cell under a mean deformation F is in equilibrium only if every point is a centre of symmetry. For other cells
+`relaxed` finds the displacements that bring the cell to equilibrium, by Newton's method from the affine deformation.
 """
 
 import itertools
@@ -37,15 +39,45 @@ from .criteria.outcome import margin_tolerance, verdicts
 
 @public_function
 def cell_families(body: Points, horizon: float, influence: Callable | str = constant_influence) -> Families:
-    """The families of a fully periodic cell of any size: a neighbour and its images are different bonds.
+    """Find the families of a periodic cell, which can be smaller than the horizon.
 
-    Arguments: body with a finite period along every axis (`cloud(…, period=…)`, `lattice(…, periodic=True)`); horizon δ
-        [length]; influence.  Raises: ValueError for a cell that is not periodic, coinciding points, lonely points.
+    A neighbour and its periodic images are different bonds, and a point can be its own neighbour.
+
+    Parameters
+    ----------
+    body : Points
+        The points of one cell, with a finite period along every axis: `cloud(…, period=…)` or
+        `lattice(…, periodic=True)`.
+    horizon : float
+        Horizon δ > 0 [length].
+    influence : callable or str, optional
+        Influence function ω(|ξ|, δ), or its name.
+
+    Returns
+    -------
+    Families
+        The families of the points of the cell.
+
+    Raises
+    ------
+    ValueError
+        If the cell is not periodic along every axis, if two points coincide, or if a point has no neighbour.
+
+    Examples
+    --------
+    A cell of two points at distance 1 with period 2, and horizon 2: each point has four bonds.
+
+    >>> families = pd.cell_families(pd.lattice((2,), periodic=True), 2.0)
+    >>> np.asarray(families.count).tolist()
+    [4, 4]
     """
     from scipy.spatial import cKDTree
 
     if body.period is None or not np.isfinite(body.period).all():
-        raise ValueError(f"a cell must be periodic along every axis; got period {body.period}")
+        raise ValueError(
+            f"body must be periodic along every axis to be a cell; got period {body.period}. Use"
+            " cloud(…, period=…) or lattice(…, periodic=True)"
+        )
     horizon = checked_horizon(horizon)
     period, radius = np.array(body.period), tie_radius(body, horizon)
     X, _ = in_box(body)
@@ -68,7 +100,10 @@ def cell_families(body: Points, horizon: float, influence: Callable | str = cons
 
 
 def _turning(families: Families, phase: Complex[Array, "points bonds"]) -> Exchange:
-    """Exchange of the points' real parts, then imaginary parts: what differs from the base state turns by e^{ik·ξ}."""
+    """How points read values of other points: the deviation from the base state is multiplied by e^{ik·ξ}.
+
+    The first half of the points holds the real parts and the second half the imaginary parts.
+    """
 
     def turn(x, index):
         base = jax.lax.stop_gradient(x)
@@ -83,8 +118,11 @@ def _turning(families: Families, phase: Complex[Array, "points bonds"]) -> Excha
 
 
 def _twice(tree, points: int):
-    """Every leaf once for the real and once for the imaginary part, for each point: what is shared is repeated too, so
-    that no length of a shared array can be taken for a number of points."""
+    """Repeat every array for the real and the imaginary part of each point.
+
+    Arrays that all points share are repeated for every point too. Otherwise the length of a shared array could be
+    mistaken for the number of points.
+    """
 
     def twice(x):
         if not eqx.is_array(x):
@@ -108,7 +146,7 @@ def _symbol_at(model: AbstractModel, families: Families, bonds: Bonds, k: Array)
 
     def column(e):
         moved = phase[..., None] * e[families.neighbours] - e[:, None, :]
-        moved = jnp.where(families.weight[..., None] > 0, moved, 0.0)  # padding: a point and itself
+        moved = jnp.where(families.weight[..., None] > 0, moved, 0.0)  # A padded bond joins a point to itself.
         f = jax.jvp(force, (bonds.eta,), (jnp.concatenate([moved.real, moved.imag]),))[1]
         return jax.lax.complex(f[:points], f[points:]).reshape(-1)
 
@@ -133,12 +171,43 @@ def _bonds(model: AbstractModel, families: Families, F, u) -> Bonds:
 
 @public_function
 def cell_symbol(model: AbstractModel, families: Families, F, k, u=None) -> Complex[Array, "waves dof dof"]:
-    """V^½ Ĵ(k) V^−½ of a cell on plane waves e^{ik·X}: its eigenvalues are those of the infinite lattice's Jacobian.
+    """Compute the symbol V^½ Ĵ(k) V^−½ of a lattice whose cell holds several points.
 
-    Arguments: families from `cell_families`; F (dim, dim) [-], det F > 0; k (waves, dim) [1/length]; u (points, dim)
-        [length], periodic, on top of F.
-    Returns: (waves, points·dim, points·dim) [force/length^(dim+1)], Hermitian for a model with an energy.
-    Raises: ValueError as `force_density`.
+    Its eigenvalues for all k are those of the Jacobian of the infinite lattice.
+
+    Parameters
+    ----------
+    model : AbstractModel
+        The material model.
+    families : Families
+        Families of the cell, from `cell_families`.
+    F : array, shape (dim, dim)
+        Mean deformation gradient [-], det F > 0.
+    k : array, shape (waves, dim)
+        Wave vectors [1/length].
+    u : array, shape (points, dim), optional
+        Periodic displacements [length] in addition to F, zero by default.
+
+    Returns
+    -------
+    array of complex, shape (waves, points·dim, points·dim)
+        The symbol [force/length^(dim+1)], Hermitian for a model with an energy.
+
+    Raises
+    ------
+    ValueError
+        If `k`, `F` or `u` has another shape or is not finite, if det F ≤ 0, or if the families are too small for the
+        model.
+
+    Examples
+    --------
+    A lattice described by a cell of two points has the symbols of k and of k + π/h.
+
+    >>> model = pd.Correspondence(pd.LinearElastic(1.0, 0.0))
+    >>> cell = pd.cell_families(pd.lattice((2,), periodic=True), 1.0)
+    >>> J = pd.cell_symbol(model, cell, np.eye(1), [[np.pi / 6]])
+    >>> np.linalg.eigvalsh(J[0]).round(4).tolist()  # −sin²(π/6), twice
+    [-0.25, -0.25]
     """
     k = as_array(k, families.dtype)
     if k.ndim != 2 or k.shape[1] != families.dim:
@@ -150,9 +219,40 @@ def cell_symbol(model: AbstractModel, families: Families, F, k, u=None) -> Compl
 
 @public_function
 def relaxed(model: AbstractModel, families: Families, F, tolerance: float = 1e-12, steps: int = 30) -> Array:
-    """The periodic displacement u (points, dim) [length], first point held, that balances a cell under F.
+    """Find the periodic displacements that bring a cell under F to equilibrium.
 
-    Raises: ValueError where Newton's steps do not settle to `tolerance` times the forces of the first step.
+    Newton's method starts from the affine deformation. The first point is held.
+
+    Parameters
+    ----------
+    model : AbstractModel
+        The material model.
+    families : Families
+        Families of the cell, from `cell_families`.
+    F : array, shape (dim, dim)
+        Mean deformation gradient [-], det F > 0.
+    tolerance : float, optional
+        Largest remaining force, as a fraction of the largest force of the affine deformation.
+    steps : int, optional
+        Largest number of Newton steps.
+
+    Returns
+    -------
+    array, shape (points, dim)
+        Displacements u [length] in addition to F.
+
+    Raises
+    ------
+    ValueError
+        If the forces do not reach the tolerance within `steps` Newton steps.
+
+    Examples
+    --------
+    >>> cell = pd.cell_families(pd.cloud([[0.0], [0.9]], 1.0, period=(2.0,)), 2.0)
+    >>> model = pd.Correspondence(pd.LinearElastic(1.0, 0.0), pd.SillingControl(1.0))
+    >>> u = pd.relaxed(model, cell, [[1.1]])
+    >>> float(abs(pd.force_density(model, cell, u, [[1.1]])).max()) < 1e-12
+    True
     """
     F = deformation_gradient(F, families.dim)
     u = np.zeros((len(families), families.dim))
@@ -176,15 +276,37 @@ def relaxed(model: AbstractModel, families: Families, F, tolerance: float = 1e-1
         u = u - np.concatenate([np.zeros(families.dim), move]).reshape(u.shape)
         f, J = linearised(u)
     left = np.abs(f[free]).max()
-    raise ValueError(f"the cell was not balanced in {steps} Newton steps: forces {left:.1e} of {scale:.1e}")
+    raise ValueError(
+        f"the cell was not balanced in {steps} Newton steps: its largest force was {scale:.1e} and is {left:.1e}."
+        " Take more steps or a smaller load; an unstable cell may have no equilibrium near F"
+    )
 
 
 class CellStability(eqx.Module):
-    """The answer of `cell_stability`.
+    """Verdict and margin of a periodic cell, the result of `cell_stability`.
 
-    eigenvalue: the largest found (translations apart) [force/length^(dim+1)] and its wave_vector (dim,) [1/length];
-    margin: the largest λ/(M κ²) over the grid, κ² that of the cell's own lattice ((2π/p)² for k = 0): positive
-    unstable, zero to `tolerance` marginal.
+    Attributes
+    ----------
+    eigenvalue : float
+        Eigenvalue λ [force/length^(dim+1)]: the largest one of the grid if the cell is unstable, otherwise that of the
+        wave of the margin. Translations of the whole lattice do not count.
+    wave_vector : array, shape (dim,)
+        Wave vector of `eigenvalue` [1/length].
+    margin : float
+        Largest λ/(M κ²) of the grid [-], with κ² = Σ_i ((2/p_i) sin(k_i p_i/2))², or Σ_i (2π/p_i)² at k = 0. It is
+        positive if the cell is unstable and negative if it is stable.
+    tolerance : float
+        Margins between −tolerance and tolerance are zero to rounding.
+    verdict : str
+        The margin in words.
+
+    Examples
+    --------
+    >>> cell = pd.lattice((2,), periodic=True)
+    >>> model = pd.Correspondence(pd.LinearElastic(1.0, 0.0))
+    >>> found = pd.cell_stability(model, pd.cell_families(cell, 1.0), cell.period, np.eye(1), 1.0, intervals=2)
+    >>> found.verdict, abs(found.margin) < found.tolerance
+    ('marginal', True)
     """
 
     eigenvalue: float
@@ -194,7 +316,7 @@ class CellStability(eqx.Module):
 
     @property
     def verdict(self) -> str:
-        """ "stable", "marginal" or "unstable", by the margin; "undefined" where it is NaN."""
+        """ "stable", "marginal" or "unstable" by the margin, "undefined" if the margin is NaN."""
         return str(verdicts(self.margin, self.tolerance))
 
 
@@ -202,32 +324,74 @@ class CellStability(eqx.Module):
 def cell_stability(
     model: AbstractModel, families: Families, period, F, modulus: float, u=None, intervals: int = 8
 ) -> CellStability:
-    """Is the infinite lattice made of this cell stable under F? By a grid of its zone, half-reciprocal points included.
+    """Decide whether the infinite lattice made of a cell is stable under F.
 
-    Arguments: as `cell_symbol`; period (dim,) [length]; modulus M [pressure] that the margin is divided by, such as
-        `p_wave_modulus`; intervals from 0 to π/p. A grid, not a search: a narrow unstable window can be missed.
-    Raises: ValueError for a model without an energy, a modulus or period not > 0, intervals below 1.
+    The function evaluates `cell_symbol` on a grid of the Brillouin zone that holds the half-reciprocal points
+    (components 0 or π/p). It does not search between the grid points, so that it can miss a narrow unstable range.
+
+    Parameters
+    ----------
+    model : AbstractModel
+        A material model that has an energy.
+    families : Families
+        Families of the cell, from `cell_families`.
+    period : array, shape (dim,)
+        Periods p of the cell [length].
+    F : array, shape (dim, dim)
+        Mean deformation gradient [-], det F > 0.
+    modulus : float
+        Modulus M > 0 [pressure] by which the margin is divided, such as `p_wave_modulus`.
+    u : array, shape (points, dim), optional
+        Periodic displacements [length] in addition to F, such as those of `relaxed`.
+    intervals : int, optional
+        Grid intervals from 0 to π/p along each axis.
+
+    Returns
+    -------
+    CellStability
+        Verdict, margin, eigenvalue and wave vector.
+
+    Raises
+    ------
+    ValueError
+        If the model has no energy, if `modulus` or `period` is not finite and > 0, if `intervals` is not a whole number
+        ≥ 1, or for what `cell_symbol` refuses.
+
+    Examples
+    --------
+    A zero-energy control removes the zero-energy modes of the correspondence model.
+
+    >>> cell, law = pd.lattice((2,), periodic=True), pd.LinearElastic(1.0, 0.0)
+    >>> families = pd.cell_families(cell, 1.0)
+    >>> for model in (pd.Correspondence(law), pd.Correspondence(law, pd.SillingControl(1.0))):
+    ...     print(pd.cell_stability(model, families, cell.period, np.eye(1), 1.0, intervals=2).verdict)
+    marginal
+    stable
     """
     if not (np.isfinite(modulus) and modulus > 0):
         raise ValueError(f"modulus must be finite and > 0; got {modulus}")
     if not (isinstance(intervals, int) and intervals >= 1):
         raise ValueError(f"intervals must be a whole number >= 1; got {intervals!r}")
     if not model.hyperelastic:
-        raise ValueError(f"{type(model).__name__} has no energy: its symbol need not be Hermitian; see cell_symbol")
+        raise ValueError(
+            "cell_stability needs a model with an energy, whose symbol is Hermitian;"
+            f" {type(model).__name__} has no energy. Use cell_symbol and the eigenvalues of its result"
+        )
     period = np.asarray(period, dtype=float)
     if period.shape != (families.dim,) or not (np.isfinite(period) & (period > 0)).all():
         raise ValueError(f"period must hold {families.dim} finite lengths > 0; got {period}")
     steps = [np.arange(0 if axis == 0 else -intervals + 1, intervals + 1) for axis in range(families.dim)]
     index = np.stack([g.reshape(-1) for g in np.meshgrid(*steps, indexing="ij")], axis=1)
     k = np.pi * index / intervals / period
-    J = np.array(cell_symbol(model, families, F, k, u))  # a copy: translations are moved in it
+    J = np.array(cell_symbol(model, families, F, k, u))  # A copy, because the block at k = 0 is changed below.
     kappa2 = np.sum((2 / period * np.sin(k * period / 2)) ** 2, axis=1)
     at_origin = (index == 0).all(axis=1)
     kappa2[at_origin] = np.sum((2 * np.pi / period) ** 2)
     root = np.sqrt(np.asarray(families.volumes))
     shift = np.kron(root[:, None] / np.linalg.norm(root), np.eye(families.dim))
     size = np.abs(J).max()
-    J[at_origin] -= 10 * size * (shift @ shift.T)  # translations of the whole, at k = 0 alone, out of the way
+    # At k = 0 the translations of the whole lattice have λ = 0. They are moved far below every other eigenvalue.
+    J[at_origin] -= 10 * size * (shift @ shift.T)
     top = np.linalg.eigvalsh((J + J.conj().transpose(0, 2, 1)) / 2)[:, -1]
     margins = top / (modulus * kappa2)
     best = int(np.argmax(margins))

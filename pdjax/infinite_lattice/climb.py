@@ -1,14 +1,16 @@
-"""Climbing a quotient vᵀA(x)v / (vᵀv κ²(x)) over x and v together, from many starts at once.
+"""Local maxima of the quotient vᵀA(x)v / (vᵀv κ²(x)) over x and v together, from many starts at once.
 
-The largest eigenvalue of A(x)/κ²(x) has kinks where eigenvalues cross; the quotient over x and v is smooth, and has the
-same maxima. The forms A and κ² come with their first and second derivatives (`pdjax.infinite_lattice.cosine_series.Forms`), so that the
-step is Newton's on exact derivatives, damped as by Levenberg and Marquardt:
+A **start** is a pair (x, v) of a wave vector and a unit vector. To **climb** is to go from a start to a local maximum.
+The largest eigenvalue of A(x)/κ²(x) has kinks where eigenvalues cross. The quotient over x and v is smooth and has the
+same maxima. A and κ² are given with their first and second derivatives (`Forms` in
+`pdjax.infinite_lattice.cosine_series`). Each step is therefore a Newton step with exact gradient g and Hessian H,
+damped by the method of Levenberg and Marquardt:
 
     (σ − H) p = g,    σ large enough for a positive definite matrix, 10 times smaller after every step that climbs.
 
-The gauge v → c v is fixed by a term −vvᵀ in H. Near a maximum the steps converge quadratically; the error of the
-quotient is the square of the last step.
-Arrays that are known climb in NumPy, where nothing is compiled; traced ones in a loop of JAX.
+A term −vvᵀ in H fixes the length of v, on which the quotient does not depend. Near a maximum the steps converge
+quadratically, and the error of the quotient is the square of the last step. Concrete arrays are treated in NumPy, which
+compiles nothing. Traced arrays are treated in a JAX loop.
 Source: Levenberg 1944; Marquardt 1963.
 """
 
@@ -22,13 +24,15 @@ from jaxtyping import Bool, Float
 from .._internal.checks import namespace
 from .cosine_series import Forms
 
-STEPS = 24  # measured: 8 to 12 from a start next to a maximum; what creeps along a ridge passes to another start's
-SMALLEST, LARGEST = 1e-9, 1e9  # of the norm of H: the range of σ
-NOTHING = 1e-3  # a step that promises to raise the quotient by less than this × eps × the norm of H is the last
+# Largest number of steps. From a start next to a maximum 8 to 12 were measured. A start that needs more moves slowly
+# along a ridge, towards a maximum that another start reaches.
+STEPS = 24
+SMALLEST, LARGEST = 1e-9, 1e9  # range of σ, relative to the norm of H
+NOTHING = 1e-3  # A step whose expected gain is below this × eps × the norm of H is the last one.
 
 
 def _gradient_and_hessian(f: Forms, v: Float[Any, "*lanes dim"]) -> tuple[Any, Any, Any]:
-    """q, ∂q, ∂²q over (x, v) at a unit v."""
+    """The quotient q and its first and second derivatives over (x, v), at a unit vector v."""
     xp = namespace(v)
     Av = xp.einsum("...ij,...j->...i", f.A, v)
     A1v = xp.einsum("...aij,...j->...ai", f.A1, v)
@@ -54,7 +58,7 @@ def _gradient_and_hessian(f: Forms, v: Float[Any, "*lanes dim"]) -> tuple[Any, A
 
 
 def _solved(A: Float[Any, "*lanes n n"], b: Float[Any, "*lanes n"]) -> tuple[Any, Bool[Any, "*lanes"]]:
-    """A⁻¹ b, and whether A is positive definite, by elimination without pivots (if not, the first means nothing)."""
+    """A⁻¹ b by elimination without pivoting, and whether A is positive definite. If it is not, ignore A⁻¹ b."""
     xp, n = namespace(A), A.shape[-1]
     M, unit, pivots = xp.concatenate([A, b[..., None]], axis=-1), np.eye(n), []
     for k in range(n):
@@ -67,9 +71,9 @@ def _solved(A: Float[Any, "*lanes n n"], b: Float[Any, "*lanes n"]) -> tuple[Any
 def climb(
     evaluate: Callable[[Any], Forms], x: Float[Any, "*lanes dim"], v: Float[Any, "*lanes dim"], reach: float
 ) -> tuple[Float[Any, "*lanes dim"], Float[Any, "*lanes dim"], Float[Any, "*lanes"]]:
-    """The local maxima (x, unit v, quotient) that starts (x, unit v) climb to. No step moves x by more than `reach`.
+    """The local maxima (x, unit v, quotient) that are reached from the starts (x, unit v).
 
-    A start whose quotient is not finite stays where it is, with the quotient −inf.
+    No step moves x by more than `reach`. A start whose quotient is not finite does not move and gets the quotient −inf.
     """
     xp, dim, real = namespace(x, v), x.shape[-1], x.dtype
     eps = float(np.finfo(real).eps)
@@ -85,7 +89,7 @@ def climb(
         def taken(a, b):
             return xp.where(better.reshape(better.shape + (1,) * (a.ndim - better.ndim)), a, b)
 
-        gain = xp.sum(g * p, axis=-1)  # twice what the quadratic model promised
+        gain = xp.sum(g * p, axis=-1)  # twice the gain that the quadratic model predicts
         done |= xp.where(first, ~better, usable & (gain <= NOTHING * eps * xp.sqrt(xp.sum(H**2, axis=(-2, -1)))))
         x, v, q, g, H = here = tuple(taken(a, b) for a, b in zip(new, (x, v, q, g, H), strict=True))
         size = xp.sqrt(xp.sum(H**2, axis=(-2, -1)))
@@ -105,7 +109,7 @@ def climb(
     yes = xp.ones(lanes, bool)
     start = (0, (x, v, *blank), xp.ones(lanes, real), xp.zeros((*lanes, n), real), yes, ~yes)
     if xp is np:
-        with np.errstate(all="ignore"):  # of starts that are done or can't climb
+        with np.errstate(all="ignore"):  # Finished starts and starts that are not finite raise warnings.
             while go_on(start):
                 start = body(start)
     else:

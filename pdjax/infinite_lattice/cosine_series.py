@@ -1,18 +1,19 @@
-"""The symbol of any model as one cosine series: what a search of the Brillouin zone needs to know of a state.
+"""The symbol of a homogeneous state as a cosine series.
 
-On a lattice of spacing h, with integer offsets o and x = h k,
+The search of the Brillouin zone (`pdjax.infinite_lattice.brillouin`) uses this series and nothing else of the model. On
+a lattice of spacing h, with integer offsets o and x = h k,
 
-    Ĵ(x) = −Σ_o B_o c_o(x),    c_o = 4 sin²(o·x/2),    o over one half of the offsets that forces reach.
+    Ĵ(x) = −Σ_o B_o c_o(x),    c_o = 4 sin²(o·x/2),    o over one half of the offsets that the forces reach.
 
-B_o is the block of the Jacobian between points o apart, so B_o has the same meaning for every model. Products of the
-factors of a tangent (`pdjax.infinite_lattice.bloch`) are folded by
+B_o is the block of the Jacobian that couples two points at the offset o. It has this meaning for every model. A tangent
+(`pdjax.infinite_lattice.bloch`) holds products of two factors. The following identities turn them into single terms:
 
     s_a s_b = (c_{a+b} − c_{a−b})/4,    c_a c_b = 2 c_a + 2 c_b − c_{a+b} − c_{a−b},    s = sin o·x.
 
-A model of two stages has products of three factors. Its blocks are found by a discrete Fourier transform of its symbol
-on a grid fine enough for the highest harmonic, which is exact to rounding.
+The tangent of a model of two stages holds products of three factors. A discrete Fourier transform of its symbol, on a
+grid fine enough for the highest harmonic, gives its blocks exactly to rounding.
 
-Ĵ and its derivatives in x are sums over the same blocks: `forms`. As x → 0 along N, Ĵ/|x|² tends to the series with
+`forms` sums Ĵ and its derivatives in x over the same blocks. As x → 0 along N, Ĵ/|x|² tends to the series with
 c = (N·o)².
 """
 
@@ -30,9 +31,12 @@ from .bloch import DenseTangent, Phases, StateTangent, Tangent, TwoStageTangent
 
 
 class Fold(NamedTuple):
-    """Where the products over a half family go: half offsets (offsets, dim), and the index of every own bond, of every
-    sum a + b and of every difference a − b among them; index `offsets` stands for the zero offset, which is dropped.
-    The three in `order` are sorted by that index, and `first` is where each begins."""
+    """The offset to which every product over a half family contributes.
+
+    `offsets` (offsets, dim) holds one half of the offsets. `own`, `plus` and `minus` hold the index in it of every
+    bond, of every sum a + b and of every difference a − b. The index len(offsets) stands for the zero offset, which is
+    dropped. `order` sorts the three together by index, and `first` is the position at which each index begins.
+    """
 
     offsets: np.ndarray
     own: np.ndarray
@@ -44,7 +48,7 @@ class Fold(NamedTuple):
 
 @lru_cache(maxsize=32)
 def half_offsets(dim: int, bonds: int) -> np.ndarray:
-    """The integer offsets (bonds/2, dim) of the first half of a lattice family, told from its number of bonds."""
+    """The integer offsets (bonds/2, dim) of the first half of a lattice family, found from its number of bonds."""
     reach = 1
     while len(cells_within(dim, reach)) < bonds:
         reach += 1
@@ -56,14 +60,14 @@ def half_offsets(dim: int, bonds: int) -> np.ndarray:
 
 
 def _canonical(offsets: np.ndarray) -> np.ndarray:
-    """Of o and −o the one whose first component that is not zero is positive."""
+    """Replace o by −o where the first non-zero component of o is negative."""
     first = offsets[np.arange(len(offsets)), np.argmax(offsets != 0, axis=1)]
     return offsets * np.where(first < 0, -1, 1)[:, None]
 
 
 @lru_cache(maxsize=32)
 def fold(dim: int, bonds: int) -> Fold:
-    """The two rings that a lattice family of `bonds` bonds reaches."""
+    """The `Fold` of a lattice family of `bonds` bonds, whose products reach two rings of neighbours."""
     half = half_offsets(dim, bonds)
     pairs = [half, *((half[:, None] + s * half[None]).reshape(-1, dim) for s in (1, -1))]
     everything = _canonical(np.concatenate(pairs))
@@ -78,7 +82,7 @@ def fold(dim: int, bonds: int) -> Fold:
 
 
 def reached(dim: int, bonds: int, rings: int) -> np.ndarray:
-    """Half of the offsets (offsets, dim) that the blocks of a series stand for: two rings of neighbours, or three."""
+    """One half of the offsets (offsets, dim) of the blocks of a series, for two or three rings of neighbours."""
     return fold(dim, bonds).offsets if rings <= 2 else _box(dim, 3 * int(np.abs(half_offsets(dim, bonds)).max()))
 
 
@@ -92,11 +96,11 @@ def _box(dim: int, reach: int) -> np.ndarray:
 
 def rings_of(tangent: Tangent) -> int:
     """How many rings of neighbours the blocks of a tangent reach."""
-    return 3 if isinstance(tangent, TwoStageTangent) else 2
+    return tangent.rings
 
 
 def series(tangent: Tangent, dim: int, bonds: int) -> Float[Any, "offsets dim dim"]:
-    """B of the module's text [force/length^(dim+1)] for one state of a lattice family of `bonds` bonds."""
+    """The blocks B_o [force/length^(dim+1)] of one state of a lattice family of `bonds` bonds."""
     if isinstance(tangent, TwoStageTangent):
         return _by_transform(tangent, dim, bonds)
     if isinstance(tangent, StateTangent):
@@ -107,14 +111,14 @@ def series(tangent: Tangent, dim: int, bonds: int) -> Float[Any, "offsets dim di
 
 
 def series_of_state(b: Any, g: Any, r: Any) -> Any:
-    """`series` of the parts of a `StateTangent`, in NumPy if they are known."""
+    """`series` from the parts of a `StateTangent`, in NumPy if they are concrete."""
     plus = namespace(b).tensordot(g, r, axes=(2, 1)).transpose(0, 2, 1, 3) / 4
     return _sums(b, plus, -plus)
 
 
 def _sums(own: Any, plus: Any, minus: Any) -> Any:
-    """The sum of the terms of every offset: of own bonds (half, dim, dim), of sums and of differences of two
-    (half, half, dim, dim)."""
+    """Sum the terms of every offset: those of single bonds `own` (half, dim, dim), and those of the sums `plus` and
+    differences `minus` of two bonds (half, half, dim, dim)."""
     xp, (half, dim, _) = namespace(own), own.shape
     f = fold(dim, 2 * half)
     terms = xp.concatenate([own, plus.reshape(-1, dim, dim), minus.reshape(-1, dim, dim)])
@@ -149,8 +153,8 @@ class Forms(NamedTuple):
 
 @lru_cache(maxsize=4)
 def upper(dim: int) -> tuple[tuple[np.ndarray, np.ndarray], np.ndarray]:
-    """The upper triangle's indices, and the place (dim, dim) of every entry in it."""
-    rows, columns = (x.astype(np.int32) for x in np.triu_indices(dim))  # jax 0.10 fails on int64 ones in float32 runs
+    """The indices of the upper triangle, and the position (dim, dim) of every matrix entry in it."""
+    rows, columns = (x.astype(np.int32) for x in np.triu_indices(dim))  # jax 0.10 fails on int64 in float32 runs.
     place = np.zeros((dim, dim), dtype=np.int32)
     place[rows, columns] = place[columns, rows] = np.arange(len(rows))
     return (rows, columns), place
@@ -163,13 +167,13 @@ def packed(blocks: Any) -> Any:
 
 
 def entries(values: Float[Any, "p *waves"], dim: int) -> list[list[Any]]:
-    """The entries of packed matrices as a matrix of arrays."""
+    """The entries of packed matrices as a nested list of arrays."""
     _, place = upper(dim)
     return [[values[place[i, j]] for j in range(dim)] for i in range(dim)]
 
 
 class Series(NamedTuple):
-    """What `forms` sums for many states at once: B, o B and o o B (upper triangles), and the offsets."""
+    """The terms that `forms` sums for many states at once: upper triangles of B, o B and o o B, and the offsets."""
 
     zeroth: Float[Any, "states offsets p"]
     first: Float[Any, "states offsets dim_p"]
@@ -189,7 +193,8 @@ class Series(NamedTuple):
 def forms(s: Series, x: Any, long: np.ndarray, bare: np.ndarray) -> Forms:
     """A = Ĵ (symmetric part) and κ² = Σ 4 sin²(x_i/2) with derivatives, at x (states, lanes, dim) [1/spacing].
 
-    `long` (lanes,): the limit x → 0 along x instead, with κ² = |x|²; `bare` (lanes,): κ² = 1 instead.
+    A lane is one start of the search. Lanes marked in `long` (lanes,) use the limit x → 0 along x, with κ² = |x|².
+    Lanes marked in `bare` (lanes,) use κ² = 1.
     """
     xp, dim = namespace(s, x), x.shape[-1]
     angle = x @ s.offsets.T
@@ -216,14 +221,14 @@ def _laplacian(x: Any, far: np.ndarray, bare: np.ndarray) -> tuple[Any, Any, Any
 
 
 def on_grid(blocks: Float[Any, "offsets p"], offsets: np.ndarray, axes: list[np.ndarray]) -> Float[Any, "p *grid"]:
-    """Ĵ (entries of `blocks`) on the grid of wave vectors with the components `axes` [1/spacing], axis by axis.
+    """Ĵ (entries of `blocks`) on the grid of wave vectors with the components `axes` [1/spacing].
 
-    The sum over offsets is a product of one matrix for each axis: its cost doesn't grow as grid × offsets.
+    The sum over offsets is a product with one matrix for each axis, so that its cost does not grow as grid × offsets.
     """
     xp, real = namespace(blocks), blocks.dtype
     reach, dim = int(np.abs(offsets).max()), offsets.shape[1]
     size = 2 * reach + 1
-    place = np.full(size**dim, len(offsets) + 1, np.int32)  # of no offset, but the zero offset and its mirror images
+    place = np.full(size**dim, len(offsets) + 1, np.int32)  # Index of a block of zeros.
     place[size**dim // 2] = len(offsets)
     for sign in (1, -1):
         place[np.ravel_multi_index((sign * offsets + reach).T, [size] * dim)] = np.arange(len(offsets))
@@ -233,7 +238,7 @@ def on_grid(blocks: Float[Any, "offsets p"], offsets: np.ndarray, axes: list[np.
     waves = [np.outer(steps, axis) for axis in axes]
     tables = [(np.cos(x).astype(real), np.sin(x).astype(real)) for x in waves]
     cos, sin = tables[-1]
-    even, odd = box @ cos, box @ sin  # the real part of the transform and minus the imaginary one
+    even, odd = box @ cos, box @ sin  # The transform is even − i odd.
     if dim == 1:
         return even
     for cos, sin in tables[-2:0:-1]:
@@ -244,18 +249,18 @@ def on_grid(blocks: Float[Any, "offsets p"], offsets: np.ndarray, axes: list[np.
 
 
 def symbols(blocks: np.ndarray, offsets: np.ndarray, x: np.ndarray) -> np.ndarray:
-    """Ĵ (..., dim, dim) of concrete blocks at x = h k (..., dim), in NumPy."""
+    """Ĵ (..., dim, dim) of concrete blocks at x = h k (..., dim), computed in NumPy."""
     return _summed(lambda part: -4 * np.sin(part @ offsets.T / 2) ** 2, blocks, x)
 
 
 def symbol_slopes(blocks: np.ndarray, offsets: np.ndarray, x: np.ndarray) -> np.ndarray:
-    """∂Ĵ/∂x (..., dim, dim, dim of x) of concrete blocks at x = h k (..., dim), in NumPy."""
+    """∂Ĵ/∂x (..., dim, dim, dim of x) of concrete blocks at x = h k (..., dim), computed in NumPy."""
     outer = blocks[..., None] * offsets[:, None, None, :]
     return _summed(lambda part: -2 * np.sin(part @ offsets.T), outer, x)
 
 
 def _summed(factor: Callable, terms: np.ndarray, x: np.ndarray) -> np.ndarray:
-    """Σ_o factor_o(x) terms_o, a few thousand waves at once."""
+    """Σ_o factor_o(x) terms_o, computed for a few thousand waves at once."""
     dim = x.shape[-1]
     parts = np.array_split(x.reshape(-1, dim), max(1, x.size // (dim * 4096)))
     values = [np.tensordot(factor(part), terms, axes=(-1, 0)) for part in parts]

@@ -1,10 +1,13 @@
-"""Dispersion: the frequencies of plane waves on the deformed infinite lattice, from its symbol.
+"""Dispersion relation: the frequencies of plane waves on the deformed infinite lattice.
 
-    Ĵ(k) e = λ e,   ω² = −λ/ρ:   λ < 0 a wave of frequency ω, λ > 0 a mode that grows at √(λ/ρ)
-    ∂ω/∂k = −eᵀ (∂Ĵ/∂k) e / (2ρω)                               (group velocity)
+A plane wave u = e exp(ik·X) of wave vector k is a mode of the lattice if e is an eigenvector of the symbol Ĵ(k):
 
-The classical line is that of the law itself, ω² = |k|² eig Q(n)/ρ with the acoustic tensor Q of ψ(F):
-`classical_frequency`. A zero-energy mode is a wave, k ≠ 0, whose λ vanishes to rounding beside the law's M κ².
+    Ĵ(k) e = λ e,   ω² = −λ/ρ                  (λ < 0: frequency ω; λ > 0: growth rate √(λ/ρ))
+    ∂ω/∂k = −eᵀ (∂Ĵ/∂k) e / (2ρω)              (group velocity)
+
+The classical law behind the model has ω² = |k|² eig Q(n)/ρ, with the acoustic tensor Q of ψ(F) in the direction n of k
+(`classical_frequency`). A zero-energy mode is a wave with k ≠ 0 whose λ is zero to rounding in comparison with M κ²,
+where M is the P-wave modulus and κ² = Σ_i ((2/h) sin(k_i h/2))².
 """
 
 from typing import Any
@@ -27,12 +30,36 @@ from .lattice_states import checked_states, has_series
 
 
 class Dispersion(eqx.Module):
-    """The answer of `dispersion`; branches run from the slowest (largest λ) to the fastest.
+    """Frequencies and modes of plane waves, the result of `dispersion`.
 
-    k (waves, dim) [1/length]; eigenvalue λ (waves, dim); frequency ω and growth (waves, dim) [1/time], one of them 0;
-    mode (waves, dim, dim): mode[w, :, b] is the unit polarisation of branch b; group_velocity (waves, dim branches,
-    dim) [length/time], NaN where ω = 0 (at k = 0 it depends on the direction) and arbitrary between equal branches;
-    zero_energy (waves, dim): λ = 0 to rounding at k ≠ 0.
+    Every wave vector has dim branches. They are ordered from the slowest (largest λ) to the fastest.
+
+    Attributes
+    ----------
+    k : array, shape (waves, dim)
+        Wave vectors [1/length].
+    eigenvalue : array, shape (waves, dim)
+        Eigenvalues λ of the symbol [force/length^(dim+1)].
+    frequency : array, shape (waves, dim)
+        Angular frequency ω [1/time], 0 for a growing mode.
+    growth : array, shape (waves, dim)
+        Growth rate √(λ/ρ) [1/time], 0 for a mode that oscillates.
+    mode : array, shape (waves, dim, dim)
+        Polarisations: mode[w, :, b] is the unit vector of branch b of wave w.
+    group_velocity : array, shape (waves, dim, dim)
+        Group velocity ∂ω/∂k [length/time], in the order wave, branch, component. It is NaN where ω = 0, because at
+        k = 0 it depends on the direction. It is arbitrary where two branches have the same eigenvalue.
+    zero_energy : array of bool, shape (waves, dim)
+        True for a zero-energy mode: λ = 0 to rounding at k ≠ 0.
+
+    Examples
+    --------
+    The deformation gradient of the correspondence model with N = 1 does not change in the wave k = π/h.
+
+    >>> model = pd.Correspondence(pd.LinearElastic(1.0, 0.0))
+    >>> waves = pd.dispersion(model, pd.lattice_family(1, 1), np.eye(1), [np.pi / 2, np.pi])
+    >>> waves.zero_energy[:, 0].tolist()
+    [False, True]
     """
 
     k: Float[Array, "waves dim"]
@@ -57,7 +84,7 @@ def _dispersion(model: AbstractModel, family: LatticeFamily, F: Array, k: Array,
 
 
 def _branches(k: Any, J: Any, slope: Any, scale: Any, density: Any, tolerance: Any) -> tuple:
-    """The fields of `Dispersion` from Ĵ, ∂Ĵ/∂k and M κ², which is 0 at k = 0; `tolerance` beside M κ² counts as 0."""
+    """The fields of `Dispersion` from Ĵ, ∂Ĵ/∂k and scale = M κ². |λ| ≤ tolerance · scale counts as zero."""
     xp = namespace(J, density)
     value, mode = xp.linalg.eigh((J + J.mT) / 2)
     value, mode = value[:, ::-1], mode[:, :, ::-1]
@@ -77,12 +104,12 @@ def _branches(k: Any, J: Any, slope: Any, scale: Any, density: Any, tolerance: A
 def _from_series(
     model: AbstractModel, family: LatticeFamily, F: np.ndarray, k: np.ndarray, density: np.ndarray
 ) -> Dispersion:
-    """`_dispersion` of values that are known, in NumPy but for the linearisation."""
+    """`_dispersion` of concrete values. Only the linearisation is a JAX program, the rest is NumPy."""
     states = checked_states(model, family, F[None])
     h, blocks = states.spacing, states.blocks[0]
     J, slope = (f(blocks, states.offsets, h * k) for f in (symbols, symbol_slopes))
     kappa2 = np.sum((2 / h * np.sin(k * h / 2)) ** 2, axis=-1)
-    tolerance = margin_tolerance(family.xi.dtype)  # of the precision that k and the constants were given in
+    tolerance = margin_tolerance(family.xi.dtype)  # k and the constants have this precision.
     *found, zero = _branches(k, J, h * slope, states.modulus * kappa2, density, tolerance)
     return Dispersion(*on_device((*(np.ascontiguousarray(x, family.xi.dtype) for x in found), zero)))  # type: ignore[call-arg]
 
@@ -104,14 +131,49 @@ def _positive(density, dtype) -> Any:
 
 @public_function
 def dispersion(model: AbstractModel, family: LatticeFamily, F, k, density=1.0) -> Dispersion:
-    """Frequencies of plane waves on the infinite lattice deformed by x = F X.
+    """Compute the frequencies of plane waves on the infinite lattice deformed by x = F X.
 
-    Arguments: F (dim, dim) [-]; k (waves, dim) [1/length], in 1D (waves,) too; density ρ > 0 [mass/length^dim].
-    Returns: `Dispersion`.  Raises: ValueError as `symbol`, for a density ≤ 0, a model without an energy.
+    Ĵ(k) e = λ e,   ω² = −λ/ρ
+
+    Parameters
+    ----------
+    model : AbstractModel
+        A material model that has an energy.
+    family : LatticeFamily
+        One family of the lattice, from `lattice_family`.
+    F : array, shape (dim, dim)
+        Deformation gradient [-], det F > 0.
+    k : array, shape (waves, dim)
+        Wave vectors [1/length]. In 1D the shape (waves,) is accepted too.
+    density : float, optional
+        Mass density ρ > 0 [mass/length^dim].
+
+    Returns
+    -------
+    Dispersion
+        Eigenvalues, frequencies, growth rates, modes and group velocities of every wave.
+
+    Raises
+    ------
+    ValueError
+        If the model has no energy, if det F ≤ 0, if `k` has another shape or is not finite, if `density` is not a
+        finite number > 0, or if the family is too small for the model.
+
+    Examples
+    --------
+    With N = 1 and λ + 2μ = 1 the correspondence model has ω = |sin kh|/h in 1D.
+
+    >>> model = pd.Correspondence(pd.LinearElastic(1.0, 0.0))
+    >>> waves = pd.dispersion(model, pd.lattice_family(1, 1), np.eye(1), [0.1, np.pi / 2])
+    >>> np.asarray(waves.frequency[:, 0]).round(4).tolist(), round(float(np.sin(0.1)), 4)
+    ([0.0998, 1.0], 0.0998)
     """
     check_model(model, family, LatticeFamily)
     if not model.hyperelastic:
-        raise ValueError(f"{type(model).__name__} has no energy: its symbol need not be symmetric; use pdjax.symbol")
+        raise ValueError(
+            f"dispersion needs a model with an energy, whose symbol is symmetric; {type(model).__name__} has no energy."
+            " Use pdjax.symbol and the eigenvalues of its result"
+        )
     F = deformation_gradient(F, family.dim)
     k, density = _waves(k, family.dim, F.dtype), _positive(density, F.dtype)
     if is_concrete(model, family, F, k, density) and has_series(model):
@@ -128,9 +190,39 @@ def _classical(model: AbstractModel, F: Array, k: Array, density: Array) -> Arra
 
 @public_function
 def classical_frequency(model: AbstractModel, F, k, density=1.0) -> Float[Array, "waves dim"]:
-    """ω (waves, dim) [1/time] of plane waves in the classical law behind a model, slowest first: straight lines in |k|.
+    """Compute the frequencies of plane waves in the classical material law behind a model.
 
-    Arguments: as `dispersion`. NaN where the law itself is unstable.  Raises: ValueError for a model without a law.
+    ω² = |k|² eig Q(n)/ρ, with Q the acoustic tensor of ψ(F) in the direction n = k/|k|
+
+    Parameters
+    ----------
+    model : AbstractModel
+        A material model that has a classical law.
+    F : array, shape (dim, dim)
+        Deformation gradient [-], det F > 0. In 1D a number is accepted too.
+    k : array, shape (waves, dim)
+        Wave vectors [1/length]. In 1D the shape (waves,) is accepted too.
+    density : float, optional
+        Mass density ρ > 0 [mass/length^dim].
+
+    Returns
+    -------
+    array, shape (waves, dim)
+        Angular frequencies ω [1/time], slowest first. They are proportional to |k|. They are NaN where the law itself
+        is unstable.
+
+    Raises
+    ------
+    ValueError
+        If the model has no classical law, or if `F`, `k` or `density` is not valid.
+
+    Examples
+    --------
+    In 1D at rest ω = k √((λ + 2μ)/ρ), here 0.5 × √4.
+
+    >>> model = pd.Correspondence(pd.LinearElastic(lam=2.0, mu=1.0))
+    >>> np.asarray(pd.classical_frequency(model, 1.0, [0.5])).round(6).tolist()
+    [[1.0]]
     """
     F = as_real(F)
     F = F.reshape(1, 1) if F.ndim == 0 else F

@@ -24,8 +24,16 @@ from .._internal.public import public_function
 from .._internal.xla import ONCE, compiled_with
 from ..force.fields import check_model
 from ..geometry.bonds import LatticeFamily
-from ..models.base import AbstractModel, PointStateModel, TwoStageModel
-from .bloch import StateTangent, block_at_center, homogeneous_tangent, modulus_at_rest, wave_phases
+from ..models.base import AbstractModel
+from .bloch import (
+    DenseTangent,
+    StateTangent,
+    block_at_center,
+    homogeneous_tangent,
+    modulus_at_rest,
+    tangent_kind,
+    wave_phases,
+)
 from .cosine_series import reached, series, series_of_state, symbols
 
 STATES = 16
@@ -48,7 +56,7 @@ class States(NamedTuple):
 
 def rings(model: AbstractModel) -> int:
     """How many rings of neighbours the blocks of a model's series reach."""
-    return 3 if isinstance(model, TwoStageModel) else 2
+    return tangent_kind(model).rings
 
 
 def offsets_of(model: AbstractModel, family: LatticeFamily) -> np.ndarray:
@@ -69,9 +77,10 @@ def _linearise(model: AbstractModel, family: LatticeFamily, F: Float[Array, "sta
     def one(F):
         return series(homogeneous_tangent(model, family, F), dim, bonds)
 
-    if isinstance(model, PointStateModel) and model.even:
+    kind = tangent_kind(model)
+    if kind is StateTangent:
         return jax.vmap(lambda F: homogeneous_tangent(model, family, F))(F)
-    if isinstance(model, TwoStageModel):
+    if kind is not DenseTangent:
         return jax.vmap(one)(F)
     # A dense tangent takes long and much memory: one after the other, and no more than are asked for.
     blank = jnp.zeros((len(F), len(reached(dim, bonds, 2)), dim, dim), F.dtype)

@@ -1,7 +1,8 @@
-"""Sweeps of stability over (m, a, N): the margin of every state of a grid, in chunks of bounded memory.
+"""Stability maps: the margin over a grid of orders m (or another model parameter), loads a and horizon ratios N.
 
-One compiled kernel evaluates a chunk of (m, a) pairs for the main criterion and for every criterion whose line is
-drawn; the host traversals over the chunks, so memory grows with the answer, and stops leave what is done.
+The grid is evaluated in chunks of pairs (m, a), so that memory grows with the result only. A compiled program evaluates
+one chunk for the main criterion, and for every further criterion whose zero line is drawn in the figure (`lines`). The
+host loops over the chunks. A run that is stopped keeps the chunks that it has saved.
 """
 
 import inspect
@@ -42,18 +43,46 @@ from .lattice_states import States, check_modulus, has_series, modulus_of, offse
 from .paths import Path, check_stretch, hydrostatic, path_symmetry
 
 _SAVE_EVERY = 30.0  # seconds between partial saves
-_CHUNK_BYTES = 2**23  # of screened symbols at once: what the caches hold
+_CHUNK_BYTES = 2**23  # size of the screened symbols of one chunk, so that they fit in the caches
 _ARRAYS = ("m", "a", "N", "margin", "eigenvalue", "tolerance", "line_m", "line_a")
 _LINE_POINTS = 64
 
 
 @dataclass(frozen=True)
 class StabilityMap:
-    """Margins over orders m and loads a (and horizons N, if several were asked for).
+    """Margins over orders m and loads a, the result of `stability_map`.
 
-    m (orders,), a (loads,) [-]; margin, eigenvalue, tolerance (orders, loads), or (horizons, orders, loads);
-    lines: the margins of other criteria over line_m and line_a, the same grid thinned to at most 64 along an axis,
-    plenty for a contour; settings: everything needed to compute it again.
+    The arrays of the grid have the shape (orders, loads), or (horizons, orders, loads) if `N` was a sequence.
+
+    Attributes
+    ----------
+    m : array, shape (orders,)
+        Orders m [-], or values of the parameter of `model`.
+    a : array, shape (loads,)
+        Loads a along the path [-].
+    N : array, shape (horizons,)
+        Horizon over spacing [-].
+    margin : array
+        Margin of every state [-], as in `stability`: positive is unstable, NaN is undefined.
+    eigenvalue : array
+        Eigenvalue of every state, as in `stability`.
+    tolerance : array
+        Margins between −tolerance and tolerance are zero to rounding.
+    line_m, line_a : array
+        Orders and loads of `lines`: those of `m` and `a`, thinned to at most 64 along each axis.
+    lines : dict of str to array
+        Margins of the further criteria on the grid of `line_m` and `line_a`.
+    settings : dict
+        The settings from which the map can be computed again.
+    verdict : array of str
+        The margins in words.
+
+    Examples
+    --------
+    >>> law = pd.LinearElastic(1.0, 1.0)
+    >>> grid = pd.stability_map([0.0, 1.0], [-0.02, 0.02], N=2, dim=1, law=law, show_progress=False)
+    >>> grid.margin.shape, grid.verdict[1].tolist()
+    ((2, 2), ['unstable', 'stable'])
     """
 
     m: np.ndarray
@@ -69,11 +98,29 @@ class StabilityMap:
 
     @property
     def verdict(self) -> np.ndarray:
-        """ "stable", "marginal", "unstable", or "undefined" (no such state) at every point of the grid."""
+        """ "stable", "marginal" or "unstable" at every point of the grid, "undefined" if the margin is NaN."""
         return verdicts(self.margin, self.tolerance)
 
     def save(self, path: str | os.PathLike) -> FilePath:
-        """Write everything to an .npz, all of it or nothing; returns the path."""
+        """Write the map to an .npz file.
+
+        An interrupted write leaves no partial file.
+
+        Parameters
+        ----------
+        path : str or path
+            File to write.
+
+        Returns
+        -------
+        pathlib.Path
+            The path of the file.
+
+        Raises
+        ------
+        OSError
+            If the file cannot be written.
+        """
         arrays = {f"line_{name}": values for name, values in self.lines.items()}
         with written_whole(path) as stream:
             np.savez_compressed(
@@ -86,7 +133,35 @@ class StabilityMap:
 
     @classmethod
     def load(cls, path: str | os.PathLike) -> "StabilityMap":
-        """Read what `save` wrote.  Raises: FileNotFoundError; ValueError for any other file."""
+        """Read a map that `save` wrote.
+
+        Parameters
+        ----------
+        path : str or path
+            File to read.
+
+        Returns
+        -------
+        StabilityMap
+            The map with all its arrays and settings.
+
+        Raises
+        ------
+        FileNotFoundError
+            If there is no such file.
+        ValueError
+            If the file is damaged or is not a stability map.
+
+        Examples
+        --------
+        >>> import tempfile
+        >>> law = pd.LinearElastic(1.0, 1.0)
+        >>> grid = pd.stability_map([0.0, 1.0], [-0.02, 0.02], N=2, dim=1, law=law, show_progress=False)
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     again = pd.StabilityMap.load(grid.save(f"{folder}/map.npz"))
+        >>> bool((again.margin == grid.margin).all())
+        True
+        """
         path = FilePath(path)
         if not path.exists():
             raise FileNotFoundError(f"no map at {path}")
@@ -109,7 +184,7 @@ def _free_memory() -> float:
 
 
 class _SethHillOf(eqx.Module):
-    """m → SethHill(m, law), the law's constants traced."""
+    """The function m → SethHill(m, law). The constants of the law are traced."""
 
     law: Law
 
@@ -131,12 +206,12 @@ def _chunk(m, a, family, make, path: Path, names: tuple[str, ...], intervals: in
 
 
 _few_states, _many_states = (compiled_with(options)(_chunk) for options in (ONCE, QUICK))
-_FEW = _LINE_POINTS**2  # up to which compiling takes longer than running
+_FEW = _LINE_POINTS**2  # Up to this number of states, compiling takes longer than running.
 
 
 @eqx.filter_jit
 def _linearised_chunk(m, a, at_rest, family, make, path: Path):
-    """The cosine series of every pair (m, a), or of the resting state of every m."""
+    """The cosine series of every pair (m, a), or of the undeformed state of every m if `at_rest` is True."""
 
     def one(m, a):
         model = make(m)
@@ -147,15 +222,18 @@ def _linearised_chunk(m, a, at_rest, family, make, path: Path):
 
 
 def _from_series(model: AbstractModel, names: tuple[str, ...], mesh: Mesh | None) -> tuple[str, ...]:
-    """The criteria that the linearised states are enough for."""
+    """The criteria that can be evaluated from the linearised states alone."""
     if mesh is not None or not has_series(model):
         return ()
     return tuple(n for n in names if n in FROM_STATES and (n != "symbol" or model.hyperelastic))
 
 
 def _evaluated(job: "_Job", make: Callable, path: Path, mesh: Mesh | None) -> list[tuple]:
-    """(margin, eigenvalue, tolerance) of the job's criteria: from the linearised states where that is enough, so that
-    the search is the program that all models share; the rest, and all on many devices, in one program."""
+    """(margin, eigenvalue, tolerance) of the criteria of a job.
+
+    Where the linearised states are enough, the search is a program that all models share. The other criteria, and all
+    criteria on several devices, are evaluated in one program of the model.
+    """
     family, zone, model = job.family, job.zone, make(job.m[0])
     found: dict[str, Any] = {}
     able = _from_series(model, job.names, mesh)
@@ -173,7 +251,7 @@ def _evaluated(job: "_Job", make: Callable, path: Path, mesh: Mesh | None) -> li
 
 
 def _check_loads(a: np.ndarray, model: AbstractModel, family, path: Path) -> None:
-    """Refuse loads whose deformation is not one: a stretch 1 + a ≤ 0, or det F ≤ 0 on a user's path."""
+    """Raise ValueError for loads with a stretch 1 + a ≤ 0, or with det F ≤ 0 on a path of the user."""
     if getattr(path, "stretch", False):
         check_stretch(a)
     det = np.linalg.det(computed_in_double(deformations, path, np.asarray(a, float), model, family))
@@ -183,18 +261,18 @@ def _check_loads(a: np.ndarray, model: AbstractModel, family, path: Path) -> Non
 
 
 def _check_memory(shape: tuple[int, ...], criteria: int) -> None:
-    """Refuse a map whose results would fill more than half of the free memory."""
+    """Raise ValueError for a map whose results would fill more than half of the free memory."""
     need, free = 8.0 * np.prod(shape, dtype=float) * (2 + criteria) * 2, _free_memory()
     if need > 0.5 * free:
         raise ValueError(
-            f"a map of {shape} states needs {need / 2**30:.1f} GiB and {free / 2**30:.1f} GiB are free; take fewer"
-            " m, a or N, or fewer lines"
+            f"a map of {shape} states needs {need / 2**30:.1f} GiB, but only {free / 2**30:.1f} GiB are free; take"
+            " fewer values of m, a or N, or fewer lines"
         )
 
 
 def _moduli(make: Callable, orders: np.ndarray, family: LatticeFamily, path: Path, size: int) -> np.ndarray:
-    """The checked P-wave modulus of every order, by the program that linearises the chunks."""
-    orders = orders[:1] if isinstance(make, _SethHillOf) else orders  # at rest its order changes nothing
+    """The checked P-wave modulus of every order, computed by the program that linearises the chunks."""
+    orders = orders[:1] if isinstance(make, _SethHillOf) else orders  # The modulus at rest does not depend on m.
     models = [make(as_real(m)) for m in orders]
     for model in models:
         check_model(model, family, LatticeFamily)
@@ -214,12 +292,12 @@ def _moduli(make: Callable, orders: np.ndarray, family: LatticeFamily, path: Pat
 def _first_model(make: Callable, orders: np.ndarray) -> AbstractModel:
     first = make(as_real(orders[0]))
     if not isinstance(first, AbstractModel):
-        raise ValueError(f"model must be a function m -> pdjax model; it gave {type(first).__name__}")
+        raise ValueError(f"model must be a function m -> pdjax model; it returned {type(first).__name__}")
     return first
 
 
 def _axis(name: str, values) -> np.ndarray:
-    """One axis of the map, checked."""
+    """One axis of the map as a checked array."""
     axis = finite(name, values)
     if axis.ndim != 1 or axis.size == 0:
         raise ValueError(f"{name} must be a one-dimensional array with at least one entry; got {axis.shape}")
@@ -227,7 +305,7 @@ def _axis(name: str, values) -> np.ndarray:
 
 
 def _parameter(make: Callable) -> str:
-    """What a function of one parameter calls it."""
+    """The name of the parameter of a function of one parameter."""
     try:
         return next(iter(inspect.signature(make).parameters))
     except (TypeError, ValueError, StopIteration):
@@ -255,20 +333,68 @@ def stability_map(
     show_progress: bool = True,
     mesh: Mesh | None = None,
 ) -> StabilityMap:
-    """Margins over orders m and loads a along a path, on infinite lattices: of the Seth–Hill model, or of any model.
+    """Compute stability margins over orders m and loads a, on infinite lattices.
 
-    Arguments: m (orders,), a (loads,) [-]; N horizon(s) over spacing [-]; law in E of the Seth–Hill model, or `model`,
-        a function m → model of one parameter, called m whatever it is (strength, modulus, order); `lines`: further
-        criteria to evaluate on the same grid, thinned to 64 along an axis; resolution as in `stability`; save: an .npz
-        path, checked before and kept up to date during a long run (states not reached yet are NaN, "undefined");
-        mesh: a `jax.sharding.Mesh`, to share every chunk of states between the devices of its first axis.
-    Returns: `StabilityMap`: .margin and .eigenvalue (orders, loads), with a leading axis if N is a sequence.
-    Raises: ValueError for NaN, empty m or a, det F ≤ 0, a singular family, a map too large for memory;
-        OSError for a path that can't be written.
+    The model is a Seth–Hill model of order m, or any model that depends on one parameter.
+
+    Parameters
+    ----------
+    m : array, shape (orders,)
+        Orders m of the Seth–Hill model [-], or values of the parameter of `model`.
+    a : array, shape (loads,)
+        Loads a along the path [-].
+    N : float or sequence of float, optional
+        Horizon over spacing [-]. Several values give the results a leading axis.
+    dim : int, optional
+        Dimension of the lattice: 1, 2 or 3.
+    law : Law, optional
+        Law of the Seth–Hill model. Give either `law` or `model`.
+    model : callable, optional
+        Function m → model, where m stands for any one parameter (a strength, a modulus, an order).
+    path : callable, optional
+        Load path (a, model, family) → F, such as `hydrostatic`.
+    criterion : str, optional
+        Criterion of the map, see `stability`.
+    lines : sequence of str, optional
+        Further criteria, evaluated on the same grid thinned to at most 64 points along each axis. The figure draws
+        their zero lines.
+    influence : callable or str, optional
+        Influence function ω(|ξ|, δ), or its name.
+    resolution : int, optional
+        Grid intervals of the Brillouin zone, see `stability`.
+    save : str or path, optional
+        File (.npz) for the result. A long run updates it while it computes. States that it has not reached are NaN.
+    show_progress : bool, optional
+        Whether to print the progress.
+    mesh : jax.sharding.Mesh, optional
+        Devices: every chunk of states is divided between the devices of the first axis.
+
+    Returns
+    -------
+    StabilityMap
+        Margins, eigenvalues and verdicts, shape (orders, loads), with a leading axis if `N` is a sequence.
+
+    Raises
+    ------
+    ValueError
+        If both or none of `law` and `model` are given, if `m` or `a` is empty or not finite, if det F ≤ 0 at a load, if
+        a family is too small for the model, or if the map does not fit in memory.
+    OSError
+        If the file `save` cannot be written. This is checked before the computation.
+
+    Examples
+    --------
+    In 1D with N = 2, m = 0 is stable in compression only and m = 1 in tension only.
+
+    >>> law = pd.LinearElastic(1.0, 1.0)
+    >>> grid = pd.stability_map([0.0, 1.0], [-0.02, 0.02], N=2, dim=1, law=law, show_progress=False)
+    >>> grid.verdict.tolist()
+    [['stable', 'unstable'], ['unstable', 'stable']]
     """
     if (law is None) == (model is None):
         raise ValueError(
-            "a law is needed, such as pd.LinearElastic(lam=1.0, mu=1.0), or a model, a function of m; not both"
+            "a law is needed, such as pd.LinearElastic(lam=1.0, mu=1.0), or a model, which is a function m -> pdjax"
+            " model, but not both"
         )
     make: Callable = _SethHillOf(law) if model is None else model  # type: ignore[arg-type]
     orders, loads = _axis("m", m), _axis("a", a)
@@ -326,7 +452,7 @@ def stability_map(
 
 
 class _Job(NamedTuple):
-    """One chunk of the grid of one family: pairs (m, a), and where the results go."""
+    """One chunk of the grid of one family: pairs (m, a), and the arrays and indices at which the results are stored."""
 
     family: LatticeFamily
     zone: Zone
@@ -339,24 +465,24 @@ class _Job(NamedTuple):
 
 
 def _chunk_size(zone: Zone, devices: int, states: int) -> int:
-    """States in a chunk: whole groups of states that climb together."""
+    """The number of states of a chunk: a multiple of the number of states that are searched together."""
     dim = zone.grid.shape[1]
     size = int(np.clip(_CHUNK_BYTES // (8 * len(zone.grid) * dim * (dim + 4)), 16, 4096))
     return min(max(size // MANY[dim] * MANY[dim], min(size, MANY[dim])) * devices, states)
 
 
 def _jobs(family, zone: Zone, names: tuple[str, ...], orders, moduli, loads, size: int, out: np.ndarray) -> list:
-    """The grid of one family in chunks of equal size."""
+    """The chunks of the grid of one family, all of equal size."""
     m, a = (x.reshape(-1).astype(family.xi.dtype) for x in np.meshgrid(orders, loads, indexing="ij"))
     jobs = []
     for start in range(0, len(m), size):
-        index = np.minimum(np.arange(start, start + size), len(m) - 1)  # the last chunk repeats its last state
+        index = np.minimum(np.arange(start, start + size), len(m) - 1)  # The last chunk repeats its last state.
         jobs.append(_Job(family, zone, names, m[index], moduli[index // len(loads)], a[index], index, out))
     return jobs
 
 
 def _do(job: _Job, make: Callable, path: Path, mesh: Mesh | None) -> None:
-    """Evaluate one chunk and put its results where they go."""
+    """Evaluate one chunk and store its results."""
     for c, kinds in enumerate(_evaluated(job, make, path, mesh)):
         for kind in range(len(job.out)):
             job.out[kind, c, job.where] = np.asarray(kinds[kind])

@@ -1,12 +1,13 @@
-"""Load paths: one number a → a homogeneous deformation F(a), with F(0) = I.
+"""Load paths: a homogeneous deformation gradient F(a) for each load a, with F(0) = I.
 
-A path is any function (a, model, family) → F (dim, dim), traced by JAX. Its attribute `symmetry` (default "inversion")
-says what the deformed cubic lattice keeps, and so how far the Brillouin zone can be folded; `stretch` (default
-False) says that 1 + a is a stretch, so that a > −1 is needed.
+A path is any function (a, model, family) → F (dim, dim) that JAX can trace. It can have two attributes. `symmetry`
+(default "inversion") names the symmetry that the deformed lattice keeps of the cubic one, and thus the part of the
+Brillouin zone that is searched (see `pdjax.infinite_lattice.brillouin`). `stretch` (default False) is True if 1 + a is
+a stretch, which needs a > −1.
 
     hydrostatic      F = (1 + a) I
     uniaxial strain  F = diag(1 + a, 1, 1)
-    uniaxial stress  F = diag(1 + a, b, b), b solved so that the lateral stress P₂₂ of the model on this family is 0
+    uniaxial stress  F = diag(1 + a, b, b), with b such that the lateral stress P₂₂ of the model on this family is zero
     simple shear     F = I + a e₁⊗e₂
 """
 
@@ -30,14 +31,14 @@ Path = Callable[[Any, AbstractModel, LatticeFamily], Float[Array, "dim dim"]]
 
 
 def check_stretch(a: Any) -> None:
-    """Refuse loads, where they are known, whose stretch 1 + a is none."""
+    """Raise ValueError for concrete loads whose stretch 1 + a is not positive."""
     if is_concrete(a):
         loads = np.atleast_1d(np.asarray(a, dtype=float))
         bad = ~(loads > -1)
         if bad.any():
             i = int(np.argmax(bad))
             which = f"a[{i}] = {loads[i]:g}" if np.ndim(a) else f"a = {loads[0]:g}"
-            raise ValueError(f"a must be > -1, for 1 + a is a stretch of this path; got {which}")
+            raise ValueError(f"a must be > -1, because this path stretches the lattice by 1 + a; got {which}")
 
 
 def _keeps(symmetry: str, stretch: bool = True):
@@ -57,19 +58,112 @@ def _keeps(symmetry: str, stretch: bool = True):
 
 @_keeps("cubic")
 def hydrostatic(a, model: AbstractModel, family: LatticeFamily) -> Float[Array, "dim dim"]:
-    """F = (1 + a) I; a > −1 is the stretch minus one [-]."""
+    """Load path of equal stretches in all directions.
+
+    F = (1 + a) I
+
+    Parameters
+    ----------
+    a : float
+        Stretch minus one [-], a > −1. Negative a is compression.
+    model : AbstractModel
+        The material model. This path does not depend on it.
+    family : LatticeFamily
+        One family of the lattice, which gives the dimension.
+
+    Returns
+    -------
+    array, shape (dim, dim)
+        Deformation gradient F [-].
+
+    Raises
+    ------
+    ValueError
+        If a concrete `a` is not greater than −1.
+
+    Examples
+    --------
+    >>> model = pd.SethHill(1.0, pd.LinearElastic(1.0, 1.0))
+    >>> np.asarray(pd.hydrostatic(0.5, model, pd.lattice_family(2, 2))).tolist()
+    [[1.5, 0.0], [0.0, 1.5]]
+    """
     return (1 + a) * jnp.eye(family.dim, dtype=family.xi.dtype)
 
 
 @_keeps("tetragonal")
 def uniaxial_strain(a, model: AbstractModel, family: LatticeFamily) -> Float[Array, "dim dim"]:
-    """F = diag(1 + a, 1, 1): no lateral motion."""
+    """Load path of a stretch along the first axis without lateral motion.
+
+    F = diag(1 + a, 1, 1)
+
+    Parameters
+    ----------
+    a : float
+        Stretch minus one [-] along the first axis, a > −1. Negative a is compression.
+    model : AbstractModel
+        The material model. This path does not depend on it.
+    family : LatticeFamily
+        One family of the lattice, which gives the dimension.
+
+    Returns
+    -------
+    array, shape (dim, dim)
+        Deformation gradient F [-].
+
+    Raises
+    ------
+    ValueError
+        If a concrete `a` is not greater than −1.
+
+    Examples
+    --------
+    >>> model = pd.SethHill(1.0, pd.LinearElastic(1.0, 1.0))
+    >>> np.asarray(pd.uniaxial_strain(0.5, model, pd.lattice_family(2, 2))).tolist()
+    [[1.5, 0.0], [0.0, 1.0]]
+    """
     return jnp.eye(family.dim, dtype=family.xi.dtype).at[0, 0].add(a)
 
 
 @_keeps("tetragonal")
 def uniaxial_stress(a, model: AbstractModel, family: LatticeFamily) -> Float[Array, "dim dim"]:
-    """F = diag(1 + a, b, b) with the lateral Piola stress zero (Newton; NaN where it finds no state)."""
+    """Load path of a stretch along the first axis with free lateral sides.
+
+    F = diag(1 + a, b, b), with b such that P₂₂ = 0
+
+    P is the first Piola–Kirchhoff stress of the model on this family. Newton's method finds b.
+
+    Parameters
+    ----------
+    a : float
+        Stretch minus one [-] along the first axis, a > −1. Negative a is compression.
+    model : AbstractModel
+        The material model.
+    family : LatticeFamily
+        One family of the lattice. In 1D the path is the same as `uniaxial_strain`.
+
+    Returns
+    -------
+    array, shape (dim, dim)
+        Deformation gradient F [-]. Its lateral entries b are NaN if Newton's method finds no stress-free state.
+
+    Raises
+    ------
+    ValueError
+        If a concrete `a` is not greater than −1.
+
+    Notes
+    -----
+    Derivatives of F in `a` and in the constants of `model` and `family` are exact up to the third order.
+
+    Examples
+    --------
+    For a law linear in the Green–Lagrange strain in 2D, b² = 1 − ν (a² + 2a) with ν = λ/(λ + 2μ) = 1/3.
+
+    >>> model = pd.Correspondence(pd.LinearElastic(1.0, 1.0))
+    >>> F = jax.jit(pd.uniaxial_stress)(0.1, model, pd.lattice_family(2, 1))
+    >>> round(float(F[1, 1]), 4), round((1 - 0.21 / 3) ** 0.5, 4)
+    (0.9644, 0.9644)
+    """
     if family.dim == 1:
         return uniaxial_strain(a, model, family)
     lateral = jnp.eye(family.dim, dtype=family.xi.dtype).at[0, 0].set(0)
@@ -91,7 +185,8 @@ def uniaxial_stress(a, model: AbstractModel, family: LatticeFamily) -> Float[Arr
     )
     exists = found.result == optx.RESULTS.successful
     at = jnp.where(exists, found.value, 0.0)
-    # Newton's step from the root is the implicit function theorem: taken twice, it has exact derivatives to third order
+    # One Newton step from the root carries the derivatives of the implicit function theorem. Two steps make them exact
+    # up to the third order.
     log_b = at
     for _ in range(2):
         value, slope = jax.jvp(lambda b: lateral_stress(b, a, model, family), (log_b,), (jnp.ones_like(at),))
@@ -101,7 +196,35 @@ def uniaxial_stress(a, model: AbstractModel, family: LatticeFamily) -> Float[Arr
 
 @_keeps("inversion", stretch=False)
 def simple_shear(a, model: AbstractModel, family: LatticeFamily) -> Float[Array, "dim dim"]:
-    """F = I + a e₁⊗e₂ (dim 2 or 3); a is the amount of shear [-]."""
+    """Load path of simple shear in the plane of the first two axes.
+
+    F = I + a e₁⊗e₂
+
+    Parameters
+    ----------
+    a : float
+        Amount of shear [-], of either sign.
+    model : AbstractModel
+        The material model. This path does not depend on it.
+    family : LatticeFamily
+        One family of a lattice of dimension 2 or 3.
+
+    Returns
+    -------
+    array, shape (dim, dim)
+        Deformation gradient F [-].
+
+    Raises
+    ------
+    ValueError
+        If the family has dimension 1.
+
+    Examples
+    --------
+    >>> model = pd.SethHill(1.0, pd.LinearElastic(1.0, 1.0))
+    >>> np.asarray(pd.simple_shear(0.5, model, pd.lattice_family(2, 2))).tolist()
+    [[1.0, 0.5], [0.0, 1.0]]
+    """
     if family.dim == 1:
         raise ValueError("simple_shear needs dim 2 or 3; this family has dim 1")
     return jnp.eye(family.dim, dtype=family.xi.dtype).at[0, 1].add(a)
@@ -116,5 +239,8 @@ PATHS: dict[str, Path] = {
 
 
 def path_symmetry(path: Path, family: LatticeFamily, isotropic: bool) -> str:
-    """What the deformed lattice keeps along `path`: only inversion if its weights or its material prefer directions."""
+    """The symmetry of the deformed lattice along `path`.
+
+    It is "inversion" if the bond weights or the material are not isotropic.
+    """
     return getattr(path, "symmetry", "inversion") if family.cubic and isotropic else "inversion"

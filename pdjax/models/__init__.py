@@ -1,4 +1,4 @@
-"""The material models, one short file each."""
+"""Material models, laws and zero-energy controls, one short file each."""
 
 from .base import AbstractModel, PointStateModel, TwoStageModel
 from .bond_associated import BondAssociated, BondAssociatedForce

@@ -95,6 +95,7 @@ class AbstractModel(eqx.Module):
     of degree 1, both in proportion to ω V (0: they are not); `dims` the dimensions it is defined in.
     """
 
+    by_state: ClassVar[bool] = False  # a bond's force is a function of point states, `bond_force`
     hyperelastic: ClassVar[bool] = True
     objective: ClassVar[bool] = True
     balances_moments: ClassVar[bool] = True
@@ -120,6 +121,16 @@ class AbstractModel(eqx.Module):
     def isotropic(self) -> bool:
         """Promise: no direction of the material is preferred (the lattice's own apart). False unless known."""
         return False
+
+    @property
+    def by_moments(self) -> bool:
+        """Whether the point state is made from sums over single bonds, `moments(bond)`."""
+        return False
+
+    @property
+    def controlled(self) -> bool:
+        """Whether the model has a control of zero-energy modes."""
+        return getattr(getattr(self, "base", self), "control", None) is not None
 
     @one_program
     def energy(self, bonds: Bonds) -> Float[Array, ""]:
@@ -170,6 +181,8 @@ class AbstractModel(eqx.Module):
 
 class PointStateModel(AbstractModel):
     """A model by its two small functions; the force state is their composition."""
+
+    by_state: ClassVar[bool] = True
 
     def moments(self, bond: Bonds) -> tuple[Any, Any]:
         """What one bond (ξ (dim,), η (dim,), ω, V scalars) adds to the sums of its family: a tree that depends on the

@@ -1,9 +1,10 @@
 # mypy: disable-error-code="arg-type"
-"""The table of models: what the atlas and the comparisons run over. A new model is one line.
+"""The table of models that the atlas and the comparisons use. A new model is one line.
 
-Each entry makes a model for a linear law of Lamé constants λ, μ on one lattice family, so that all stand for the same
-solid: models of a law take it in their own strain, LPS its two moduli, springs its bulk modulus (their Poisson's ratio
-is the law's only for λ = μ).
+Each entry is a function that makes a model from a linear law with the Lamé constants λ, μ (3D solid, in 2D plane
+strain) and one lattice family. All models then describe the same solid: models with a law evaluate it in their own
+strain, LPS gets the law's two moduli, and bond-based models get its bulk modulus. The Poisson's ratio of a bond-based
+model is that of the law only for λ = μ.
 """
 
 from collections.abc import Callable
@@ -24,6 +25,7 @@ from .sub_horizon import SubHorizon
 
 
 def _bulk(law: LinearElastic, family: LatticeFamily):
+    """The d-dimensional bulk modulus k = λ + 2μ/d [pressure]."""
     lam, mu = on_host((law.lam, law.mu))
     return on_device(lam + 2 * mu / family.dim)
 
@@ -32,8 +34,11 @@ Maker = Callable[[LinearElastic, LatticeFamily], AbstractModel]
 
 
 def model_name(text: str) -> str:
-    """The name in `CATALOGUE` that is meant: hyphens stand for dashes and minus signs, 0.5 for ½, case for nothing.
-    ValueError listing the names otherwise."""
+    """The name in `CATALOGUE` that a typed name means.
+
+    A hyphen may stand for a dash or a minus sign and 0.5 for ½, and case is ignored. An unknown name raises ValueError,
+    which lists the names.
+    """
     names = {_plain(name): name for name in CATALOGUE}
     if _plain(text) not in names:
         raise ValueError("model must be one of\n  " + "\n  ".join(map(repr, CATALOGUE)) + f"\ngot {text!r}")
@@ -71,3 +76,4 @@ CATALOGUE: dict[str, Maker] = {
     "sub-horizon": lambda law, family: SubHorizon(law),
     "reproducing kernel 2": lambda law, family: ReproducingKernel(law, 2),
 }
+"""Functions (law, family) → model by the name of the model: `pd.CATALOGUE["LPS"](law, family)`."""

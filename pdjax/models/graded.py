@@ -1,8 +1,8 @@
-"""A model whose energy is multiplied, point by point, by a factor: bars and plates of varying modulus.
+"""A model whose energy is multiplied by a factor at each point, for bars and plates of varying modulus.
 
-    W_i = c_i W,   T_i = c_i T        (the point's own factor: T_ij belongs to point i's energy)
+    W_i = c_i W,   T_i = c_i T        (T_ij belongs to the energy of point i and gets the factor of point i)
 
-Any model can be graded; promises are those of the model inside.
+Every model can be graded. Most promises of the graded model are those of the model inside.
 """
 
 from collections.abc import Callable
@@ -20,7 +20,7 @@ from .base import PROMISES, AbstractModel, PointStateModel, Sums, TwoStageModel
 
 
 class _Graded(AbstractModel):
-    """What all kinds share: everything that is linear in the energy is multiplied, the kinematics are not."""
+    """Base of the graded models: energies, forces and stresses get the factor, the kinematics do not."""
 
     base: AbstractModel
     factor: Float[Array, "..."] = eqx.field(converter=as_real)
@@ -47,14 +47,14 @@ class _Graded(AbstractModel):
 
 
 class GradedEnergy(_Graded):
-    """A graded model given by its force state."""
+    """Graded form of a model that defines its energy or force state."""
 
     def force_state(self, bonds: Bonds) -> Float[Array, "bonds dim"]:
         return self.factor * self.base.force_state(bonds)
 
 
 class GradedState(_Graded, PointStateModel):
-    """A graded model given by point state and bond force. The factor travels with the state."""
+    """Graded form of a model that defines point state and bond force; the factor multiplies the bond force."""
 
     def point_state(self, bonds: Bonds) -> Any:
         return self.base.point_state(bonds)  # type: ignore[attr-defined]
@@ -74,7 +74,7 @@ class GradedState(_Graded, PointStateModel):
 
 
 class GradedTwoStage(_Graded, TwoStageModel):
-    """A graded model of two stages: a bond's energy carries the factor of the point whose energy it is."""
+    """Graded form of a two-stage model: a bond's energy gets the factor of the point that it belongs to."""
 
     def point_state(self, bonds: Bonds) -> Any:
         return self.base.point_state(bonds)  # type: ignore[attr-defined]
@@ -83,7 +83,9 @@ class GradedTwoStage(_Graded, TwoStageModel):
         return self.factor * self.base.bond_energy(here, there, bond)  # type: ignore[attr-defined]
 
 
-_OWN = {"additive": False, "degree": 0}  # the factor multiplies a force, not the state that it is linear in
+# These promises are not those of the model inside: the factor multiplies the bond force and not the point state, so the
+# force of a bond is no longer linear in the sum of the states of both ends.
+_OWN = {"additive": False, "degree": 0}
 
 for _name in PROMISES:
     for _kind in (GradedEnergy, GradedState, GradedTwoStage):
@@ -92,9 +94,33 @@ for _name in PROMISES:
 
 @public_function
 def graded(model: AbstractModel, factor) -> AbstractModel:
-    """`model` with its energy times `factor`: one number, or one for each point of the body (points,) [-], > 0.
+    """Make a model whose energy and forces are those of `model` times a factor at each point.
 
-    Raises: ValueError for a factor that is not finite and positive.
+    W_i = c_i W,   T_i = c_i T
+
+    Parameters
+    ----------
+    model : AbstractModel
+        The model to be graded. Its constants keep their meaning: λ and μ of its law belong to the 3D solid, in 2D to
+        plane strain.
+    factor : float or array, shape (points,)
+        Factor c [-], > 0: one number, or one for each point of the body.
+
+    Returns
+    -------
+    AbstractModel
+        The graded model.
+
+    Raises
+    ------
+    ValueError
+        If a factor is not finite and > 0.
+
+    Examples
+    --------
+    >>> model, bonds = pd.SethHill(1.0, pd.LinearElastic(1.0, 1.0)), pd.lattice_family(2, 2).bonds(1.1 * np.eye(2))
+    >>> round(float(pd.graded(model, 3.0).energy(bonds) / model.energy(bonds)), 9)
+    3.0
     """
     factor = as_real(factor)
     if is_concrete(factor):

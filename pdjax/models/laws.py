@@ -1,17 +1,20 @@
-"""Hyperelastic laws: a strain energy density of one point; its stress is the derivative.
+"""Hyperelastic material laws: the strain energy density of one point. The stress is its derivative.
 
-A law says what it takes: `takes = "E"` for a law in a (Seth–Hill) strain tensor, S = ∂Ψ/∂E; `takes = "F"` for
-a law in the deformation gradient, P = ∂ψ/∂F (first Piola–Kirchhoff). Energies are per reference volume,
-constants are arrays (no recompilation for new values) and may vary from point to point in a body:
-a constant with shape (points,).
+The attribute `takes` says which tensor a law is a function of. A law with `takes = "E"` is a function of a (Seth–Hill)
+strain tensor, and its stress is S = ∂Ψ/∂E. A law with `takes = "F"` is a function of the deformation gradient, and its
+stress is the first Piola–Kirchhoff stress P = ∂ψ/∂F. Energies are per reference volume.
 
-    LinearElastic   Ψ = ½ λ tr(E)² + μ E:E            (St. Venant–Kirchhoff when E is Green–Lagrange, Hencky for m = 0)
+    LinearElastic   Ψ = ½ λ tr(E)² + μ E:E            (St. Venant–Kirchhoff if E is Green–Lagrange, Hencky for m = 0)
     NeoHookean      ψ = ½ μ (tr FᵀF − d − 2 log J) + ½ λ (log J)²,  J = det F     (Simo & Pister 1984 family)
 
-λ and μ are those of the 3D solid: in 2D they are the constants of **plane strain**, E₃₃ = 0, and in 1D of uniaxial
-strain. **Plane stress** has other constants or another energy: `plane="stress"` of `from_young` and `from_bulk`. The
-linear law then has λ′ = 2λμ/(λ + 2μ) in the place of λ, which is exact. `NeoHookean` finds the stretch F₃₃ = f across
-the plane at every point, from ∂ψ/∂f = 0: μ (f² − 1) + λ log(J₂ f) = 0 with J₂ = det of the 2D F.
+Constants are arrays, so a new value does not cause a new compilation. In a body a constant of shape (points,) varies
+from point to point.
+
+λ and μ are the Lamé constants of the 3D solid. The same formula in 2D describes **plane strain** (E₃₃ = 0), and in 1D
+uniaxial strain. **Plane stress** needs other constants or another energy, which `plane="stress"` of `from_young` and
+`from_bulk` selects. The linear law then uses λ′ = 2λμ/(λ + 2μ) instead of λ, which is exact. `NeoHookean` solves at
+every point for the stretch F₃₃ = f normal to the plane: ∂ψ/∂f = 0 gives μ (f² − 1) + λ log(J₂ f) = 0, where J₂ is the
+determinant of the 2D F.
 """
 
 from collections.abc import Callable
@@ -24,17 +27,38 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .._internal.checks import as_real, check_positive, choice, floats_to_arrays, is_concrete
+from .._internal.shown import shown
 
 
 def _trace(A: Float[Array, "dim dim"]) -> Float[Array, ""]:
-    """A : I, where `jnp.trace` would mask the matrix."""
+    """A : I by a product with the constant I, because `jnp.trace` masks the matrix first."""
     return jnp.tensordot(np.eye(len(A), dtype=A.dtype), A, 2)
 
 
 class Law(eqx.Module):
-    """A strain energy. Subclasses set `takes` to "E" or "F" and define `energy` of that tensor.
+    """Base class of material laws: the strain energy density of one point.
 
-    `isotropic` is a promise: only then may a lattice's symmetry shorten the search of its waves.
+    A subclass sets `takes` and `isotropic` and defines `energy`. pdjax computes the stress by automatic
+    differentiation. Fields given as Python floats become arrays, so that another value does not recompile and
+    derivatives exist.
+
+    Attributes
+    ----------
+    takes : "E" or "F"
+        "E" for a law in a strain tensor, "F" for a law in the deformation gradient.
+    isotropic : bool
+        True promises that the law prefers no direction. pdjax then uses the symmetry of the lattice to search fewer
+        wave vectors. If in doubt, set False.
+
+    Examples
+    --------
+    >>> class Quadratic(pd.Law):
+    ...     k: float
+    ...     takes, isotropic = "E", True
+    ...     def energy(self, E): return 0.5 * self.k * jnp.sum(E * E)
+    >>> law = Quadratic(2.0)
+    >>> law, round(float(law.energy(np.diag([0.1, 0.0]))), 3)
+    (Quadratic(k=2.0), 0.01)
     """
 
     takes: eqx.AbstractVar[str]
@@ -43,20 +67,34 @@ class Law(eqx.Module):
     def __check_init__(self):
         floats_to_arrays(self)
 
+    def __repr__(self) -> str:
+        return shown(self)
+
     def energy(self, tensor: Float[Array, "dim dim"]) -> Float[Array, ""]:
-        """Strain energy density [force/length² in 2D and 3D terms: the modulus' unit]."""
+        """Compute the strain energy density of one point.
+
+        Parameters
+        ----------
+        tensor : array, shape (dim, dim)
+            The strain E [-] or the deformation gradient F [-], as `takes` says.
+
+        Returns
+        -------
+        array, shape ()
+            Energy density [pressure], the unit of the moduli.
+        """
         raise NotImplementedError
 
 
 def lame_constants(young: Any = None, poisson: Any = None, bulk: Any = None, shear: Any = None) -> tuple[Any, Any]:
     """(λ, μ) [pressure] of the 3D solid from Young's modulus and Poisson's ratio, or from bulk and shear modulus.
 
-    Raises: ValueError for E ≤ 0, ν outside (−1, ½), K ≤ 0, G < 0, where values are known.
+    It raises ValueError for E ≤ 0, ν outside (−1, ½), K ≤ 0 or G < 0, unless the values are traced.
     """
     if bulk is None:
         check_positive("E", young)
         if is_concrete(poisson) and not np.all((np.asarray(poisson) > -1) & (np.asarray(poisson) < 0.5)):
-            raise ValueError(f"nu must lie between −1 and ½, or the solid is not stable; got {poisson}")
+            raise ValueError(f"nu must lie between −1 and ½, because other solids are unstable; got {poisson}")
         mu = young / (2 * (1 + poisson))
         return 2 * mu * poisson / (1 - 2 * poisson), mu
     check_positive("K", bulk)
@@ -69,9 +107,28 @@ PLANES = ("strain", "stress")
 
 
 class LinearElastic(Law):
-    """Ψ = ½ λ tr(E)² + μ E:E, so S = λ tr(E) I + 2 μ E; in 1D S = (λ + 2μ) E. λ, μ [pressure], in 2D of plane strain.
+    """Linear elastic law in a strain tensor, Ψ = ½ λ tr(E)² + μ E:E.
 
-    Example: `pd.LinearElastic.from_young(E=210e9, nu=0.3, plane="stress")`.
+    The stress is S = λ tr(E) I + 2 μ E, in 1D S = (λ + 2μ) E. The law is St. Venant–Kirchhoff where the model gives it
+    the Green–Lagrange strain (`Correspondence`, `SethHill` of order 1), and Hencky's law in `SethHill` of order 0.
+
+    λ and μ are the Lamé constants of the 3D solid. The same constants in 2D describe plane strain, and in 1D uniaxial
+    strain. For plane stress make the law with `from_young` or `from_bulk` and `plane="stress"`.
+
+    Parameters
+    ----------
+    lam : float or array, shape (points,)
+        Lamé constant λ [pressure]. An array gives every point of a body its own value.
+    mu : float or array, shape (points,)
+        Shear modulus μ [pressure].
+
+    Examples
+    --------
+    Under a uniaxial strain of 0.1 the energy is ½ λ (0.1)² + μ (0.1)²:
+
+    >>> law = pd.LinearElastic(lam=1.0, mu=1.0)
+    >>> round(float(law.energy(np.diag([0.1, 0.0]))), 3)
+    0.015
     """
 
     lam: Float[Array, "..."] = eqx.field(converter=as_real)
@@ -81,12 +138,65 @@ class LinearElastic(Law):
 
     @classmethod
     def from_young(cls, E, nu, plane: str = "strain") -> "LinearElastic":
-        """From Young's modulus E [pressure] and Poisson's ratio ν [-] of the solid; plane: what 2D means."""
+        """Make the law from Young's modulus and Poisson's ratio.
+
+        Parameters
+        ----------
+        E : float or array, shape (points,)
+            Young's modulus of the 3D solid [pressure], > 0.
+        nu : float or array, shape (points,)
+            Poisson's ratio of the 3D solid [-], between −1 and ½.
+        plane : "strain" or "stress"
+            "strain" keeps λ and μ of the solid: 3D, plane strain in 2D, uniaxial strain in 1D. "stress" replaces λ by
+            2λμ/(λ + 2μ): plane stress, for 2D bodies.
+
+        Returns
+        -------
+        LinearElastic
+            The law.
+
+        Raises
+        ------
+        ValueError
+            If E or ν is out of range or `plane` is another word.
+
+        Examples
+        --------
+        >>> pd.LinearElastic.from_young(E=1.0, nu=0.25)
+        LinearElastic(lam=0.4, mu=0.4)
+        >>> round(float(pd.LinearElastic.from_young(E=1.0, nu=0.25, plane="stress").lam), 4)
+        0.2667
+        """
         return cls._of(*lame_constants(E, nu), plane)
 
     @classmethod
     def from_bulk(cls, K, G, plane: str = "strain") -> "LinearElastic":
-        """From the bulk modulus K and shear modulus G [pressure] of the solid; plane: what 2D means."""
+        """Make the law from the bulk modulus and the shear modulus.
+
+        Parameters
+        ----------
+        K : float or array, shape (points,)
+            Bulk modulus of the 3D solid [pressure], > 0.
+        G : float or array, shape (points,)
+            Shear modulus [pressure], ≥ 0.
+        plane : "strain" or "stress"
+            As for `from_young`.
+
+        Returns
+        -------
+        LinearElastic
+            The law.
+
+        Raises
+        ------
+        ValueError
+            If K or G is out of range or `plane` is another word.
+
+        Examples
+        --------
+        >>> pd.LinearElastic.from_bulk(K=3.0, G=1.5)
+        LinearElastic(lam=2.0, mu=1.5)
+        """
         return cls._of(*lame_constants(bulk=K, shear=G), plane)
 
     @classmethod
@@ -99,9 +209,32 @@ class LinearElastic(Law):
 
 
 class NeoHookean(Law):
-    """ψ = ½ μ (tr FᵀF − d − 2 log J) + ½ λ (log J)²; linearises to LinearElastic(λ, μ). λ, μ [pressure].
+    """Compressible neo-Hookean law, ψ = ½ μ (tr FᵀF − d − 2 log J) + ½ λ (log J)².
 
-    plane: "strain" (λ, μ as they stand in every dimension) or "stress" (2D alone: F₃₃ is found, see the module).
+    J = det F and d is the dimension. At small strain the law equals LinearElastic(λ, μ). Models in a strain tensor
+    (`SethHill`, `TupekRadovitzky`) cannot use it, because it is a law in the deformation gradient.
+
+    Parameters
+    ----------
+    lam : float or array, shape (points,)
+        Lamé constant λ of the 3D solid [pressure].
+    mu : float or array, shape (points,)
+        Shear modulus μ [pressure].
+    plane : "strain" or "stress"
+        "strain" uses λ and μ in the formula as it stands: 3D, plane strain in 2D, uniaxial strain in 1D. "stress" is
+        plane stress, for 2D bodies only: the law solves for the stretch F₃₃ normal to the plane at every point.
+
+    References
+    ----------
+    Simo & Pister 1984 (the family of energies).
+
+    Examples
+    --------
+    F = diag(2, ½) keeps the area, so the energy is ½ μ (4 + ¼ − 2):
+
+    >>> law = pd.NeoHookean(lam=1.0, mu=1.0)
+    >>> float(law.energy(np.diag([2.0, 0.5])))
+    1.125
     """
 
     lam: Float[Array, "..."] = eqx.field(converter=as_real)
@@ -115,17 +248,67 @@ class NeoHookean(Law):
 
     @classmethod
     def from_young(cls, E, nu, plane: str = "strain") -> "NeoHookean":
-        """From Young's modulus E [pressure] and Poisson's ratio ν [-] at rest; plane: what 2D means."""
+        """Make the law from Young's modulus and Poisson's ratio at small strain.
+
+        Parameters
+        ----------
+        E : float or array, shape (points,)
+            Young's modulus of the 3D solid at small strain [pressure], > 0.
+        nu : float or array, shape (points,)
+            Poisson's ratio of the 3D solid at small strain [-], between −1 and ½.
+        plane : "strain" or "stress"
+            As for the class.
+
+        Returns
+        -------
+        NeoHookean
+            The law.
+
+        Raises
+        ------
+        ValueError
+            If E or ν is out of range or `plane` is another word.
+
+        Examples
+        --------
+        >>> pd.NeoHookean.from_young(E=1.0, nu=0.25)
+        NeoHookean(lam=0.4, mu=0.4, plane='strain')
+        """
         return cls(*lame_constants(E, nu), plane)  # type: ignore[call-arg, arg-type]
 
     @classmethod
     def from_bulk(cls, K, G, plane: str = "strain") -> "NeoHookean":
-        """From the bulk modulus K and shear modulus G [pressure] at rest; plane: what 2D means."""
+        """Make the law from the bulk modulus and the shear modulus at small strain.
+
+        Parameters
+        ----------
+        K : float or array, shape (points,)
+            Bulk modulus of the 3D solid at small strain [pressure], > 0.
+        G : float or array, shape (points,)
+            Shear modulus at small strain [pressure], ≥ 0.
+        plane : "strain" or "stress"
+            As for the class.
+
+        Returns
+        -------
+        NeoHookean
+            The law.
+
+        Raises
+        ------
+        ValueError
+            If K or G is out of range or `plane` is another word.
+
+        Examples
+        --------
+        >>> pd.NeoHookean.from_bulk(K=3.0, G=1.5, plane="stress")
+        NeoHookean(lam=2.0, mu=1.5, plane='stress')
+        """
         return cls(*lame_constants(bulk=K, shear=G), plane)  # type: ignore[call-arg, arg-type]
 
     def energy(self, tensor: Float[Array, "dim dim"]) -> Float[Array, ""]:
         log_J = jnp.log(jnp.linalg.det(tensor))
-        across: Any = None  # log F₃₃
+        across: Any = None  # log F₃₃ in plane stress
         if self.plane == "stress":
             if tensor.shape[0] != 2:
                 raise ValueError(f'plane="stress" is for bodies of dim 2; this one has dim {tensor.shape[0]}')
@@ -140,8 +323,8 @@ class NeoHookean(Law):
 def _log_stretch_across(lam: Array, mu: Array, log_J2: Array) -> Float[Array, ""]:
     """x = log F₃₃ of plane stress: the root of μ (e^{2x} − 1) + λ (x + log J₂), which is convex and grows with x.
 
-    Newton's steps from a point right of the root (both terms are > 0 there) never leave that side; two more from the
-    root carry exact derivatives, as the implicit function theorem has them.
+    Newton's method starts right of the root, where both terms are positive, and therefore stays on that side. Two more
+    steps from the converged root carry the exact derivatives of the implicit function theorem.
     """
 
     def step(x, lam, mu, log_J2):
@@ -156,10 +339,34 @@ def _log_stretch_across(lam: Array, mu: Array, log_J2: Array) -> Float[Array, ""
 
 
 class EnergyLaw(Law):  # type: ignore[misc]
-    """A law from a user's function: `EnergyLaw(lambda E, c: ..., takes="E", constants=c)`.
+    """Material law from a user's energy function.
 
-    `function` maps (tensor, constants) to the energy density; `constants` is any tree of arrays (traced,
-    differentiable). Its value and stress at rest should be zero. `isotropic=True` promises that it is.
+    pdjax computes the stress by automatic differentiation. Energy and stress should be zero in the undeformed state.
+    The function alone decides what the constants mean. If it has the form of `LinearElastic` with λ and μ of the 3D
+    solid, a 2D body is in plane strain.
+
+    Parameters
+    ----------
+    function : callable
+        Energy density [pressure] as a function (tensor, constants) → scalar, written with `jax.numpy`.
+    takes : "E" or "F"
+        The tensor: "E" for a strain tensor, "F" for the deformation gradient.
+    constants : tree of arrays
+        Passed to `function`. The constants are traced, so results can be differentiated with respect to them.
+    isotropic : bool
+        True promises that the law prefers no direction.
+
+    Raises
+    ------
+    ValueError
+        If `takes` is another word.
+
+    Examples
+    --------
+    >>> def stiffening(E, c):
+    ...     return 0.5 * c["k"] * jnp.sum(E**2) + c["b"] * jnp.sum(E**2) ** 2
+    >>> pd.EnergyLaw(stiffening, takes="E", constants={"k": 2.0, "b": 5.0}, isotropic=True)
+    EnergyLaw(function=stiffening, takes='E', constants={'b': 5.0, 'k': 2.0}, isotropic=True)
     """
 
     function: Callable[[Any, Any], Any] = eqx.field(static=True)  # type: ignore[misc]
@@ -175,15 +382,15 @@ class EnergyLaw(Law):  # type: ignore[misc]
 
 
 def law_label(law: Law) -> str:
-    """The law and its constants in words, for figures and files: LinearElastic(lam=1, mu=1)."""
+    """Short text of a law for figures and files: LinearElastic(lam=1, mu=1). Saved files are compared by it."""
     values = {name: getattr(law, name) for name in ("lam", "mu", "constants") if hasattr(law, name)}
-    shown = ", ".join(f"{k}={np.asarray(v):g}" if np.ndim(v) == 0 else f"{k}=…" for k, v in values.items())
+    constants = ", ".join(f"{k}={np.asarray(v):g}" if np.ndim(v) == 0 else f"{k}=…" for k, v in values.items())
     function = getattr(law, "function", None)
     name = getattr(function, "__name__", None) or type(law).__name__
-    return f"{name}({shown})"
+    return f"{name}({constants})"
 
 
 def law_stress(law: Law, tensor: Float[Array, "dim dim"]) -> Float[Array, "dim dim"]:
-    """∂Ψ/∂E (symmetric) for a law in E, P = ∂ψ/∂F for a law in F [pressure]."""
+    """Stress of a law [pressure]: the symmetric S = ∂Ψ/∂E for a law in E, P = ∂ψ/∂F for a law in F."""
     gradient = jax.grad(law.energy)(tensor)
     return (gradient + gradient.T) / 2 if law.takes == "E" else gradient

@@ -1,10 +1,11 @@
 # mypy: disable-error-code="misc"
-"""A model's tangent about a homogeneous deformation, as a model of its own: its force density is J v.
+"""The tangent of a model about a homogeneous deformation, in the form of a model whose force density is J v.
 
     η₀ = (F − I) ξ,   δM = Σ (∂moments/∂η)(ξ, η₀) δη,   δA = (∂A/∂M) δM,   δt = t(δA; ξ, η₀) + (∂t/∂η)(A₀; ξ, η₀) δη
 
-the force being linear in the point state (`additive`). All sums are linear in δη, so every way to evaluate a body
-applies, convolutions included: J v of a lattice body about x = F X, surfaces and all, costs the same for every horizon.
+The bond force must be linear in the point state (`additive`). All sums are then linear in δη, so every backend that
+evaluates bodies can be used, including convolutions. J v of a lattice body with surfaces about x = F X therefore costs
+the same for every horizon.
 """
 
 from collections.abc import Callable
@@ -20,7 +21,7 @@ from .base import PointStateModel, Sums
 
 
 class Linearised(PointStateModel):
-    """J v about x = F X (made by `linearised`): u is v [length], `force_density` is J v."""
+    """The model that `linearised` returns: its displacement is v [length], its force density J v about x = F X."""
 
     base: PointStateModel
     F: Float[Array, "dim dim"]
@@ -31,8 +32,10 @@ class Linearised(PointStateModel):
 
     @property
     def degree(self) -> int:  # type: ignore[override]
-        """1 where F and the constants are known; 0 for a control whose force does not grow with ω, as convolutions need
-        it."""
+        """1 if F and the constants are known, otherwise 0.
+
+        It is 0 too for a control whose force is not proportional to ω, because convolutions need that.
+        """
         control = getattr(self.base, "control", None)
         return 1 if is_concrete(self) and (control is None or control.degree) else 0
 
@@ -57,7 +60,7 @@ class Linearised(PointStateModel):
         return self.base.shape_tensor
 
     def _at_rest(self, bond: Bonds) -> Bonds:
-        """The bond as the homogeneous deformation has it."""
+        """The bond in the homogeneous deformation x = F X."""
         return bond._replace(eta=self.F @ bond.xi - bond.xi)
 
     def moments(self, bond: Bonds) -> tuple[Any, Any]:
@@ -85,15 +88,42 @@ class Linearised(PointStateModel):
 
 @public_function
 def linearised(model: PointStateModel, F) -> Linearised:
-    """The tangent of `model` about x = F X, itself a model: `force_density(linearised(model, F), families, v)` is J v.
+    """Make a model whose force density is J v, the tangent of `model` about the homogeneous deformation x = F X.
 
-    Arguments: model made of moments whose force is linear in the point state (`additive`); F (dim, dim) [-], det F > 0.
-    Raises: ValueError for another model, or an F that can't be.
+    `force_density(linearised(model, F), families, v)` is J v.
+
+    Parameters
+    ----------
+    model : PointStateModel
+        A model that is defined by `moments` and whose bond force is linear in the point state (`additive`), such as
+        `SethHill`, `Correspondence`, `LPS` or `BondBased`.
+    F : array, shape (dim, dim)
+        Deformation gradient [-], det F > 0.
+
+    Returns
+    -------
+    Linearised
+        The tangent model.
+
+    Raises
+    ------
+    ValueError
+        If the model is another one, or if F is not finite with det F > 0.
+
+    Examples
+    --------
+    For a tiny displacement v the force state of the tangent is that of the model:
+
+    >>> model = pd.LPS(2.0, 1.0)
+    >>> bonds = pd.lattice_family(2, 2).bonds((1 + 1e-9) * np.eye(2))
+    >>> T, tangent = model.force_state(bonds), pd.linearised(model, np.eye(2)).force_state(bonds)
+    >>> bool(np.abs(tangent - T).max() < 1e-8 * np.abs(T).max())
+    True
     """
     if not (isinstance(model, PointStateModel) and model.by_moments and model.additive):
         raise ValueError(
-            f"linearised needs a model made of moments whose bond force is linear in the point state (`additive`); got"
-            f" {type(model).__name__}: use pd.jvp"
+            "linearised needs a model that is defined by `moments` and whose bond force is linear in the point state"
+            f" (`additive`); got {type(model).__name__}. Use pd.jvp for it"
         )
     F = as_real(F)
     return Linearised(model, deformation_gradient(F, F.shape[0] if F.ndim else 0))

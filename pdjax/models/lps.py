@@ -1,16 +1,23 @@
-"""The linear peridynamic solid: a bulk modulus for the dilatation θ, a shear modulus for what else a bond does.
+"""The linear peridynamic solid: a bulk modulus for the dilatation θ and a shear modulus for the rest of the extension.
 
     W = ½ k θ² + ½ α Σ w (e − θ|ξ|/d)²,    e = |Y| − |ξ|,   θ = (d/m_w) Σ w |ξ| e,   m_w = Σ w |ξ|²,
     T = ω [p |ξ| + α e] Y/|Y|,    p = d k θ/m_w − α θ/d,    α = d(d + 2) G/m_w
 
-The point state is (p, α). θ is exact under similarities for every family; the shear modulus is exact on a full ball and
-off by the anisotropy of a lattice (measured in the atlas). k is the d-dimensional bulk modulus: `plane_bulk_modulus`
-gives it for plane strain and plane stress. In 1D there is no shear and the model is refused.
+with w = ω V. The point state is (p, α). θ is exact under similarities for every family. The shear modulus is exact on a
+full ball. On a lattice it is off by the lattice's anisotropy, which the atlas measures.
 
-A bond between two materials (k, G that vary from point to point): each end pulls with its own point's constants,
-f_ij = t(k_i, G_i, A_i) + t(k_j, G_j, A_j), which is the derivative of the energy Σ V_i W_i. Some public codes give both
-ends the mean of the two instead; that is no derivative of this energy. For two points with moduli E and 2E and volumes
-1 and 2 the two rules differ by 11 %.
+k is the d-dimensional bulk modulus. With λ and μ of the 3D solid it is K = λ + 2μ/3 in 3D and λ + μ in plane strain,
+and G = μ. `plane_bulk_modulus` computes k for plane strain and plane stress. The model does not exist in 1D, where
+there is no shear, and raises ValueError.
+
+A bond between two materials (k and G vary from point to point): each end pulls with its own point's constants,
+
+    f_ij = t(k_i, G_i, A_i) + t(k_j, G_j, A_j),
+
+which is the derivative of the energy Σ V_i W_i. Some public codes use the mean of the two constants at both ends, which
+is not a derivative of this energy. For two points with moduli E and 2E and volumes 1 and 2 the two rules differ by
+11 %.
+
 Source: Silling et al. 2007.
 """
 
@@ -28,7 +35,38 @@ from .plane import bulk_and_shear, plane_bulk_modulus
 
 
 class LPS(PointStateModel):
-    """Linear peridynamic solid of bulk and shear modulus [pressure], both > 0 (in 2D `bulk` is the plane's)."""
+    """Linear peridynamic solid, W = ½ k θ² + ½ α Σ w (e − θ|ξ|/d)².
+
+    e = |Y| − |ξ| is the extension of a bond, θ = (d/m_w) Σ w |ξ| e the dilatation, m_w = Σ w |ξ|² the weighted volume
+    and α = d(d + 2) G/m_w. A bond between two materials carries f_ij = t(k_i, G_i, A_i) + t(k_j, G_j, A_j): each end
+    pulls with its own point's constants and state.
+
+    Parameters
+    ----------
+    bulk : float or array, shape (points,)
+        d-dimensional bulk modulus k [pressure], > 0. With λ and μ of the 3D solid it is λ + 2μ/3 in 3D and λ + μ in
+        plane strain. `plane_bulk_modulus` computes it for plane strain and plane stress.
+    shear : float or array, shape (points,)
+        Shear modulus G = μ [pressure], > 0.
+
+    Raises
+    ------
+    ValueError
+        If a modulus is not finite and > 0. Functions that use the model raise it for 1D families.
+
+    References
+    ----------
+    Silling et al. 2007.
+
+    Examples
+    --------
+    A uniform stretch of 1.1 has θ = 0.2 in 2D and the energy ½ k θ²:
+
+    >>> model = pd.LPS(bulk=2.0, shear=1.0)
+    >>> bonds = pd.lattice_family(2, 2).bonds(1.1 * np.eye(2))
+    >>> round(float(model.energy(bonds)), 6)
+    0.04
+    """
 
     bulk: Float[Array, "..."] = eqx.field(converter=as_real)
     shear: Float[Array, "..."] = eqx.field(converter=as_real)
@@ -42,13 +80,42 @@ class LPS(PointStateModel):
 
     @staticmethod
     def from_young(young, poisson, dim: int = 3, plane: str | None = None) -> "LPS":
-        """The solid of E > 0 [pressure] and −1 < ν < ½ [-]; in 2D of plane "strain" or "stress".
+        """Make the model from Young's modulus and Poisson's ratio of the 3D solid.
 
-        Raises: ValueError for constants out of range, dim 2 without a plane, a plane in 3D.
+        Parameters
+        ----------
+        young : float or array, shape (points,)
+            Young's modulus E of the 3D solid [pressure], > 0.
+        poisson : float or array, shape (points,)
+            Poisson's ratio ν of the 3D solid [-], between −1 and ½.
+        dim : int
+            Dimension, 2 or 3.
+        plane : "strain" or "stress"
+            Required for dim 2.
+
+        Returns
+        -------
+        LPS
+            The model.
+
+        Raises
+        ------
+        ValueError
+            If a constant is out of range, if dim 2 comes without `plane`, or if `plane` comes with dim 3.
+
+        Examples
+        --------
+        In plane strain k = λ + μ, and E = 1, ν = ¼ has λ = μ = 0.4:
+
+        >>> model = pd.LPS.from_young(young=1.0, poisson=0.25, dim=2, plane="strain")
+        >>> round(float(model.bulk), 9), float(model.shear)
+        (0.8, 0.4)
         """
         bulk, shear = bulk_and_shear(young, poisson)
         if (dim == 2) != (plane is not None) or dim not in (2, 3):
-            raise ValueError(f"from_young needs dim 3, or dim 2 and plane 'strain' or 'stress'; got {dim}, {plane!r}")
+            raise ValueError(
+                f"from_young needs dim 3, or dim 2 and plane 'strain' or 'stress'; got dim {dim}, plane {plane!r}"
+            )
         return LPS(bulk if plane is None else plane_bulk_modulus(bulk, shear, plane), shear)
 
     @property

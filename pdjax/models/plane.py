@@ -1,9 +1,10 @@
-"""Elastic constants: K and G from E and ν, and what a two-dimensional model is to be given for a solid of K and G.
+"""Elastic constants: K and G from E and ν, and the bulk modulus of a two-dimensional model from K and G.
 
     K = E/(3(1 − 2ν)),   G = E/(2(1 + ν))
     plane strain  k = K + G/3,     plane stress  k = 9KG/(3K + 4G)        (d-dimensional bulk modulus, d = 2)
 
-The shear modulus G is the same in both. Lamé's first constant of the plane is k − G.
+K, G, E and ν belong to the 3D solid; with its Lamé constants K = λ + 2μ/3 and G = μ. The shear modulus is G in both
+cases. The first Lamé constant of the plane is k − G: it equals λ in plane strain.
 """
 
 from jaxtyping import Array
@@ -14,7 +15,35 @@ from .._internal.public import public_function
 
 @public_function
 def plane_bulk_modulus(bulk, shear, plane: str) -> Array:
-    """k [pressure] of plane "strain" or "stress" from K and G of the solid [pressure], > 0."""
+    """Compute the two-dimensional bulk modulus k of a solid in plane strain or plane stress.
+
+    k = K + G/3 in plane strain, 9KG/(3K + 4G) in plane stress.
+
+    Parameters
+    ----------
+    bulk : float or array, shape (points,)
+        Bulk modulus K of the 3D solid [pressure], > 0.
+    shear : float or array, shape (points,)
+        Shear modulus G [pressure], > 0.
+    plane : "strain" or "stress"
+        The state of the plane.
+
+    Returns
+    -------
+    array, shape () or (points,)
+        k [pressure], for `LPS` and `BondBased` in 2D.
+
+    Raises
+    ------
+    ValueError
+        If a modulus is not > 0 or `plane` is another word.
+
+    Examples
+    --------
+    >>> k = pd.plane_bulk_modulus(1.0, 0.6, "strain")
+    >>> round(float(k), 6)
+    1.2
+    """
     choice("plane", plane, ("strain", "stress"))
     bulk, shear = as_real(bulk), as_real(shear)
     check_positive("bulk", bulk)

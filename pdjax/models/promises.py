@@ -80,7 +80,7 @@ def _deviations(model: PointStateModel, dim: int) -> dict[str, Array]:
     return out
 
 
-def check_promises(model: PointStateModel, dim: int) -> None:
+def check_promises(model: Any, dim: int) -> None:
     """Refuse a model that breaks a promise which the ways rely on; of a model known by its values only.
 
     Raises: ValueError naming the promise, what it means, and what to declare instead.

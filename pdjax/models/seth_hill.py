@@ -1,13 +1,16 @@
 # mypy: disable-error-code="attr-defined"
-"""Correspondence models of order m by the Seth–Hill strains of the bonds: the generalised, and the extended one.
+"""Correspondence models of order m by the Seth–Hill strains of the bonds: generalised and extended.
 
     W = Ψ(Ē_m),   Ē_m = L⁻¹ : Σ w e_m(s) n⊗n,   e_m = (s^{2m} − 1)/2m  (m = 0: log s)
     T = ω (n · Z n) s^{2m} Y/|Y|²,   Z = L⁻¹ : S,   S = ∂Ψ/∂E
 
-The point state is Z (a Mandel vector). Ē_m is exact under affine maps for m = 1, and for similarities; otherwise to
-first order. **Generalised** (`SethHill`): L = Σ w n⊗n⊗n⊗n is that of the family. **Extended** (`TupekRadovitzky`): L is
-that of a full ball of the same ω₀ = Σ w, ω₀ (I⊗I + 2 𝟙)/(d(d+2)): equal in 1D, off by the lattice's anisotropy inside a
-lattice, wrong at a surface.
+with w = ω V and n = ξ/|ξ|. The point state is Z, stored as a Mandel vector. Ē_m is exact under affine maps for m = 1,
+and for similarities at every m. Otherwise it is exact to first order in the strain.
+
+**Generalised** (`SethHill`): L = Σ w n⊗n⊗n⊗n is the shape tensor of the family itself.
+**Extended** (`TupekRadovitzky`): L is the shape tensor of a full ball with the same ω₀ = Σ w, ω₀ (I⊗I + 2 𝟙)/(d(d+2)).
+The two are equal in 1D. Inside a lattice the extended one is off by the lattice's anisotropy, and at a surface it is
+wrong.
 
 Sources: Tupek & Radovitzky 2014; Foster & Xu 2018; Behzadinasab & Foster, Eq. (TC).
 """
@@ -40,18 +43,18 @@ from .with_law import WithLaw
 
 
 class BondStrainModel(WithLaw):
-    """W = Ψ(Ē_m) of order `m` with any fourth-order shape tensor: subclasses define `fourth`."""
+    """Base of the models W = Ψ(Ē_m). A subclass defines the fourth-order shape tensor L."""
 
     def __check_init__(self):
         if not isinstance(self.law, Law) or self.law.takes != "E":
             raise ValueError(
-                f"{type(self).__name__} needs a law in a strain tensor (takes = 'E', e.g. LinearElastic): it has no"
-                f" deformation gradient to give; got {self.law!r}"
+                f"{type(self).__name__} needs a law in a strain tensor (takes = 'E', such as LinearElastic), because"
+                f" the model computes no deformation gradient; got {self.law!r}"
             )
 
     @property
     def degree(self) -> int:  # type: ignore[override]
-        """2 for m = 1 where that is known (not traced), without a control that is of none."""
+        """2 if m is known to be 1 (not traced) and the control, if any, has a degree. Otherwise 0."""
         quadratic = is_concrete(self.m) and bool(np.all(np.asarray(self.m) == 1))
         return 2 if quadratic and (self.control is None or self.control.degree) else 0
 
@@ -63,10 +66,11 @@ class BondStrainModel(WithLaw):
         return self.law.energy(self.strain(bonds))
 
     def fourth_moment(self, bond: Bonds) -> Array:
-        """What one bond adds to the sum that `fourth_of` makes L from."""
+        """The term of one bond in the sum from which `fourth_of` makes L."""
         raise NotImplementedError
 
     def fourth_of(self, total: Array, dim: int) -> Float[Array, "p p"]:
+        """L as a Mandel matrix [length^dim] from the sum of `fourth_moment` over the family."""
         raise NotImplementedError
 
     def law_moments(self, bond: Bonds) -> tuple[Array, Array]:
@@ -87,20 +91,53 @@ class BondStrainModel(WithLaw):
     shape_tensor = staticmethod(shape_tensor_L)
 
     def local_energy(self, F: Float[Array, "dim dim"]) -> Float[Array, ""]:
-        """Ψ(E_m(F)) with the classical Seth–Hill strain of F."""
+        """Energy density Ψ(E_m(F)) [pressure] with the classical Seth–Hill strain of F (dim, dim)."""
         return self.law.energy(local_strain(F, self.m))
 
     def strain(self, bonds: Bonds) -> Float[Array, "dim dim"]:
-        """Ē_m [-]."""
+        """Nonlocal strain Ē_m [-] of one family, (dim, dim)."""
         return from_mandel(solve_positive(self.fourth(bonds), bond_strain_moment(bonds, self.m)), bonds.xi.shape[-1])
 
     def stress(self, bonds: Bonds) -> Float[Array, "dim dim"]:
-        """S = ∂Ψ/∂E at Ē_m [pressure], the stress conjugate to Ē_m."""
+        """Stress S = ∂Ψ/∂E at Ē_m [pressure] of one family, (dim, dim), conjugate to Ē_m."""
         return law_stress(self.law, self.strain(bonds))
 
 
 class SethHill(BondStrainModel):
-    """Generalised finite-deformation correspondence of order m [-] with a law in E, and a control or none."""
+    """Generalised correspondence model of order m, W = Ψ(Ē_m).
+
+    Ē_m = L⁻¹ : Σ w e_m(s) n⊗n is a nonlocal strain made from the Seth–Hill strains e_m = (s^{2m} − 1)/2m of the bonds,
+    with w = ω V, n = ξ/|ξ| and L = Σ w n⊗n⊗n⊗n. It is exact under affine maps for m = 1, and for similarities at every
+    m. Otherwise it is exact to first order in the strain.
+
+    Parameters
+    ----------
+    m : float or array, shape (points,)
+        Order of the strain [-]: 1 is quadratic in the stretch, 0 logarithmic.
+    law : Law
+        Material law in a strain tensor (`takes = "E"`). λ and μ of `LinearElastic` are the Lamé constants of the 3D
+        solid; a 2D body is then in plane strain. For plane stress make the law with `plane="stress"`.
+    control : control, optional
+        `SillingControl`, `WanControl` or `LittlewoodControl`, which oppose zero-energy modes. None: no control.
+
+    Raises
+    ------
+    ValueError
+        If the law is not one in a strain tensor.
+
+    References
+    ----------
+    Foster & Xu 2018; Behzadinasab & Foster, Eq. (TC).
+
+    Examples
+    --------
+    A uniform stretch of 1.1 has the strain 0.105 I, so W = ½ λ (0.21)² + 2 μ (0.105)²:
+
+    >>> model = pd.SethHill(m=1.0, law=pd.LinearElastic(1.0, 1.0))
+    >>> bonds = pd.lattice_family(2, 2).bonds(1.1 * np.eye(2))
+    >>> round(float(model.energy(bonds)), 6)
+    0.0441
+    """
 
     m: Float[Array, "..."] = eqx.field(converter=as_real)
     law: Law
@@ -118,7 +155,39 @@ class SethHill(BondStrainModel):
 
 
 class TupekRadovitzky(BondStrainModel):
-    """Extended correspondence of order m [-]: the shape tensor of a full ball for every family."""
+    """Extended correspondence model of order m, with the shape tensor of a full ball for every family.
+
+    W = Ψ(Ē_m) as in `SethHill`, but with L = ω₀ (I⊗I + 2 𝟙)/(d(d+2)), ω₀ = Σ w. The model equals `SethHill` in 1D.
+    Inside a lattice its moduli are off by the lattice's anisotropy, and at a surface its strain is wrong.
+
+    Parameters
+    ----------
+    m : float or array, shape (points,)
+        Order of the strain [-].
+    law : Law
+        Material law in a strain tensor (`takes = "E"`). λ and μ of `LinearElastic` are the Lamé constants of the 3D
+        solid; a 2D body is then in plane strain. For plane stress make the law with `plane="stress"`.
+    control : control, optional
+        `SillingControl`, `WanControl` or `LittlewoodControl`, which oppose zero-energy modes. None: no control.
+
+    Raises
+    ------
+    ValueError
+        If the law is not one in a strain tensor.
+
+    References
+    ----------
+    Tupek & Radovitzky 2014.
+
+    Examples
+    --------
+    The energy of a uniform stretch inside a lattice is that of the law, ½ λ (0.21)² + 2 μ (0.105)²:
+
+    >>> model = pd.TupekRadovitzky(m=1.0, law=pd.LinearElastic(1.0, 1.0))
+    >>> bonds = pd.lattice_family(2, 2).bonds(1.1 * np.eye(2))
+    >>> round(float(model.energy(bonds)), 6)
+    0.0441
+    """
 
     m: Float[Array, "..."] = eqx.field(converter=as_real)
     law: Law

@@ -1,7 +1,11 @@
 # mypy: disable-error-code="attr-defined"
-"""What correspondence models share: a classical law, and a control of zero-energy modes beside it, or none.
+"""Common base of correspondence models: a material law and an optional control of zero-energy modes.
 
-W = W_law + W_control,    T = T_law + T_control,    A = (A_law, A_control)
+The contributions of law and control add up:
+
+    W = W_law + W_control,    T = T_law + T_control,    A = (A_law, A_control)
+
+W is the energy density, T the force state and A the point state.
 """
 
 from typing import Any, ClassVar
@@ -18,9 +22,9 @@ from .laws import Law, law_stress
 
 
 def check_law(name: str, law: Any) -> None:
-    """Refuse what is not a law."""
+    """Raise ValueError unless `law` is a `Law`."""
     if not isinstance(law, Law):
-        raise ValueError(f"{name} needs a Law (LinearElastic, NeoHookean, EnergyLaw); got {law!r}")
+        raise ValueError(f"{name} needs a Law (LinearElastic, NeoHookean, EnergyLaw or your own); got {law!r}")
 
 
 def _green_lagrange(H: Float[Array, "dim dim"]) -> Float[Array, "dim dim"]:
@@ -28,29 +32,30 @@ def _green_lagrange(H: Float[Array, "dim dim"]) -> Float[Array, "dim dim"]:
 
 
 def energy_of_gradient(law: Law, H: Float[Array, "dim dim"]) -> Float[Array, ""]:
-    """ψ of F = I + H: a law in F as it is, a law in E fed the Green–Lagrange strain."""
+    """ψ of F = I + H [pressure]. A law in E gets the Green–Lagrange strain of F."""
     if law.takes == "E":
         return law.energy(_green_lagrange(H))
     return law.energy(jnp.eye(H.shape[0], dtype=H.dtype) + H)
 
 
 def stress_of_gradient(law: Law, H: Float[Array, "dim dim"]) -> Float[Array, "dim dim"]:
-    """P = ∂ψ/∂F [pressure]: F S for a law in E."""
+    """P = ∂ψ/∂F at F = I + H [pressure]; for a law in E it is F S."""
     F = jnp.eye(H.shape[0], dtype=H.dtype) + H
     return F @ law_stress(law, _green_lagrange(H)) if law.takes == "E" else law_stress(law, F)
 
 
 def tangent_at_rest(law: Law, dim: int, dtype: Any) -> Tangent:
-    """The linear map A → ℂ:A [pressure] with the law's ℂ = ∂²ψ/∂F∂F at F = I, A (dim, dim)."""
+    """The linear map A → ℂ:A [pressure] for A (dim, dim), with ℂ = ∂²ψ/∂F∂F of the law at F = I."""
     rest = jnp.zeros((dim, dim), dtype)
     return lambda A: jax.jvp(lambda H: stress_of_gradient(law, H), (rest,), (A.astype(dtype),))[1]
 
 
 class WithLaw(PointStateModel):
-    """Subclasses have the fields `law` and `control`; `law_energy`, `law_moments`, `law_state`, `law_force` are without
-    control.
+    """Base of models with the fields `law` and `control`.
 
-    `by_gradient` says that `law_moments` are those of F̄, K and M, which a control needs too.
+    A subclass defines the part of the law alone: `law_energy`, `law_moments`, `law_state` and `law_force`. It sets
+    `by_gradient` if its `law_moments` are K and M of the deformation gradient F̄. The control needs the same two sums,
+    which are then computed once.
     """
 
     additive: ClassVar[bool] = True
@@ -77,11 +82,11 @@ class WithLaw(PointStateModel):
         raise NotImplementedError
 
     def law_moments(self, bond: Bonds) -> tuple[Any, Any]:
-        """What one bond adds to the sums behind A_law."""
+        """The terms of one bond in the sums from which `law_state` makes A_law."""
         raise NotImplementedError
 
     def law_state(self, sums: Sums) -> Any:
-        """A_law."""
+        """A_law, the point state of the law alone."""
         raise NotImplementedError
 
     def law_force(self, here: Any, bond: Bonds) -> Float[Array, " dim"]:

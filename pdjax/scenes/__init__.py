@@ -1,7 +1,7 @@
-"""Scenes: functions of numbers that return a problem, with its closed form where it has one. No files, no pictures.
+"""Scenes: functions of numbers that return a problem, with its closed form if it has one.
 
-At rest (`Scene`): `step_size_bar`, `singular_bar`, `clamped_plate`, `manufactured_plate`. Moving (`Motion`): `cuboid`,
-`wave`.
+`step_size_bar`, `singular_bar`, `clamped_plate` and `manufactured_plate` return a static problem (`Scene`). `cuboid`
+and `wave` return an initial value problem (`Motion`). None of them reads or writes a file or draws a figure.
 """
 
 from .bodies import clamped_plate, manufactured_plate, singular_bar, step_size_bar

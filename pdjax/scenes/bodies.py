@@ -1,8 +1,10 @@
-"""Scenes: functions of numbers that return a boundary value problem with its closed form. No files, no pictures.
+"""Static scenes: functions of numbers that return a boundary value problem with its closed form.
 
-`singular_bar`, `step_size_bar` are the paper's; `clamped_plate` is their sister in 2D and 3D; `manufactured_plate`
-has a smooth solution known beforehand. Layers that hold or load a body are two horizons deep where the homogeneous
-state has to stay exact: a free point feels two rings of neighbours.
+`singular_bar` and `step_size_bar` are problems of the paper (Behzadinasab & Foster). `clamped_plate` is a homogeneous
+problem in 1D to 3D, like `step_size_bar`. `manufactured_plate` has a smooth solution that is known beforehand.
+
+The layers that hold or load a body are two horizons deep where the homogeneous state has to be an exact equilibrium.
+The force on a free point depends on its neighbours and on the neighbours of these.
 """
 
 import math
@@ -25,7 +27,7 @@ from ..studies.closed_forms.local_bar import singular_bar_local
 
 
 def _unit_model(model: AbstractModel | None) -> AbstractModel:
-    """The paper's model of order m = 1 and modulus 1 unless another is given."""
+    """The given model, or by default the Seth–Hill model of the paper with order m = 1 and modulus 1."""
     return SethHill(1.0, LinearElastic(1.0, 0.0)) if model is None else model  # type: ignore[call-arg, arg-type]
 
 
@@ -42,18 +44,50 @@ def _ratio(N) -> float:
 
 
 def _on_rim(shape: tuple[int, ...], rim: int) -> np.ndarray:
-    """Which cells (cells,) of a lattice lie within `rim` of its border."""
+    """Mask (cells,) of the cells of a lattice that lie within `rim` cells of its border."""
     cell = np.indices(shape).reshape(len(shape), -1)
     return np.any((cell < rim) | (cell >= np.array(shape)[:, None] - rim), axis=0)
 
 
 def step_size_bar(n: int, N: float = 3, strain=-1e-3, clamp: int = 6, model: AbstractModel | None = None) -> Scene:
-    """The bar of the paper's step-size experiment: ends prescribed at once, the rest starts at u = 0.
+    """Make the bar of the paper's step-size experiment, whose ends are displaced in one step.
 
-    n points at spacing 1/n, centred on 0; `clamp` points at each end are held at u = strain · X. Its closed form is
-    the homogeneous u = strain · X, an exact equilibrium while clamp ≥ 2N.
-    Arguments: n points; N = horizon/spacing; strain [-] > −1; clamp points; model of unit modulus by default.
-    Raises: ValueError for a strain ≤ −100 %, or clamps that leave nothing free. Source: section 5.2.
+    The bar has n points at spacing 1/n and its centre at X = 0. At each end `clamp` points are held at u = strain · X.
+    A solver starts from u = 0 at all other points. The closed form is the homogeneous u = strain · X. It is an exact
+    equilibrium if clamp ≥ 2N.
+
+    Parameters
+    ----------
+    n : int
+        Number of points.
+    N : float, optional
+        Horizon over spacing [-]. Default 3.
+    strain : float, optional
+        Strain [-] of the bar, > −1. Default −0.001.
+    clamp : int, optional
+        Number of held points at each end. Default 6.
+    model : AbstractModel, optional
+        The material model. Default: `SethHill` of order 1 with unit modulus.
+
+    Returns
+    -------
+    Scene
+        The problem, with its closed form.
+
+    Raises
+    ------
+    ValueError
+        If the strain is not above −1, or if no point is free.
+
+    References
+    ----------
+    Behzadinasab & Foster, section 5.2
+
+    Examples
+    --------
+    >>> scene = pd.scenes.step_size_bar(21, strain=-0.001)
+    >>> len(scene.unknowns), round(float(scene.closed_form[0, 0]), 6)
+    (9, 0.000476)
     """
     clamp, N = _count("clamp", clamp, 1), _ratio(N)
     n = _count("n", n, 2 * clamp + 1)
@@ -75,14 +109,50 @@ def singular_bar(
     model: AbstractModel | None = None,
     traction: str = "exact",
 ) -> Scene:
-    """The bar of unit length whose modulus drops to zero just beyond its middle, pulled by a stress.
+    """Make the bar of unit length whose modulus drops to zero just beyond its middle, under a stress.
 
-    E(x) = E₀ for x ≤ ½, E₀ (1 + α/(2√(x − ½)))⁻¹ beyond, E₀ the model's. The 2N points at x = 0 are held at the local
-    solution, the 2N points at x = 1 carry the stress. Its closed form is the nonlinear local solution.
-    Arguments: n points, even (½ lies between two of them); N; stress σ [pressure]; alpha α ≥ 0 [-]; model by default
-        of order 1 and E₀ = 1; traction "exact" (a homogeneous state stays exact) or "even" (σ spread evenly).
-    Raises: ValueError for an odd n, layers that meet, a stress that the local law can't carry at x = 1.
-    Source: Breitenfeld et al. 2014; section 5.1.
+    E(x) = E₀ for x ≤ ½,     E(x) = E₀ (1 + α/(2√(x − ½)))⁻¹ for x > ½
+
+    E₀ is the modulus of the model. The 2N points at x = 0 are held at the local solution, and the 2N points at x = 1
+    carry the stress. The closed form is the solution of the nonlinear local theory.
+
+    Parameters
+    ----------
+    n : int
+        Number of points, even, so that x = ½ lies between two of them.
+    N : float, optional
+        Horizon over spacing [-]. Default 3.
+    stress : float, optional
+        Stress σ [pressure], positive in tension. Default 0.001.
+    alpha : float, optional
+        Strength α ≥ 0 [-] of the singularity. Default 10. With 0 the bar is homogeneous.
+    model : AbstractModel, optional
+        The material model. Default: `SethHill` of order 1 with E₀ = 1.
+    traction : str, optional
+        "exact" (the default, see `homogeneous_traction`) or "even" (the force σ is spread evenly, see `total_force`).
+
+    Returns
+    -------
+    Scene
+        The problem, with its closed form.
+
+    Raises
+    ------
+    ValueError
+        If n is odd, if the two layers leave too few points free, or if the local law cannot carry the stress at x = 1.
+
+    References
+    ----------
+    Breitenfeld et al. 2014; Behzadinasab & Foster, section 5.1
+
+    Examples
+    --------
+    With α = 0 the bar is homogeneous. The stress P = 1.1 · ½ (1.1² − 1) = 0.1155 gives a strain of 0.1:
+
+    >>> model = pd.Correspondence(pd.LinearElastic(1.0, 0.0))
+    >>> scene = pd.scenes.singular_bar(20, N=1, stress=0.1155, alpha=0.0, model=model)
+    >>> round(float(scene.body.positions[-1, 0]), 4), round(float(scene.closed_form[-1, 0]), 6)
+    (0.975, 0.0975)
     """
     N = _ratio(N)
     layer = 2 * math.ceil(N)
@@ -99,13 +169,13 @@ def singular_bar(
     beyond = np.maximum(x - 0.5, 0)
     softness = 1 + np.where(beyond > 0, alpha / (2 * np.sqrt(np.where(beyond > 0, beyond, 1))), 0)
     at_end = 1 + alpha / (2 * math.sqrt(0.5))
-    # the end x = 1 is one more place of the local solution, so that one program finds both
+    # The end x = 1 is appended to the points, so that one program finds both local solutions.
     u, strain = on_host(singular_bar_local(base, np.append(x, 1.0), 1.0, as_array(stress), as_array(alpha)))
     u, end_strain = u[:-1], strain[-1]
     if is_concrete(end_strain) and not np.isfinite(end_strain):
         raise ValueError(
-            f"stress {stress} has no local equilibrium at the loaded end: beyond the law's limit point"
-            " (or a strain above 100)"
+            f"stress {stress} has no local equilibrium at the loaded end: it lies beyond the limit point of the law, or"
+            " its strain exceeds 100; take a smaller stress or a smaller alpha"
         )
     held, loaded = np.arange(layer), np.arange(n - layer, n)
     pull: conditions.Condition
@@ -125,12 +195,42 @@ def singular_bar(
 
 
 def clamped_plate(shape, N: float, F, model: AbstractModel, spacing: float | None = None) -> Scene:
-    """A lattice of `shape` cells, 1D to 3D, whose rim of 2N points is held at u = (F − I) X: homogeneous within.
+    """Make a lattice in 1D to 3D whose rim is held at a homogeneous deformation, u = (F − I) X.
 
-    (3N points for a model whose forces reach three rings of neighbours.)
+    The rim is 2N points wide, or 3N for a model whose forces reach three rings of neighbours. The origin of X is the
+    centre of the lattice. The closed form u = (F − I) X is an exact equilibrium.
 
-    Arguments: shape cells along each axis; N; F (dim, dim) [-]; model; spacing [length], 1/shape[0] by default.
-    Raises: ValueError for det F ≤ 0 or a shape without interior.
+    Parameters
+    ----------
+    shape : tuple of int
+        Number of points along each axis.
+    N : float
+        Horizon over spacing [-].
+    F : array, shape (dim, dim)
+        Deformation gradient [-], det F > 0.
+    model : AbstractModel
+        The material model.
+    spacing : float, optional
+        Spacing [length] of the lattice. Default 1/shape[0].
+
+    Returns
+    -------
+    Scene
+        The problem, with its closed form.
+
+    Raises
+    ------
+    ValueError
+        If det F ≤ 0, or if the rim leaves no point free.
+
+    Examples
+    --------
+    A rim of 4 points leaves 1 × 2 free points of 9 × 10:
+
+    >>> model = pd.SethHill(1.0, pd.LinearElastic(1.0, 1.0))
+    >>> scene = pd.scenes.clamped_plate((9, 10), 2, np.diag([1.1, 1.0]), model)
+    >>> len(scene.unknowns)
+    4
     """
     N, shape = _ratio(N), tuple(int(s) for s in shape)
     rings = max(2, model.rings)
@@ -155,7 +255,7 @@ def clamped_plate(shape, N: float, F, model: AbstractModel, spacing: float | Non
 
 @eqx.filter_jit
 def _manufactured(model: AbstractModel, X: Float[Array, "points 2"], stretch: Array, amplitude: Array):
-    """u* (points, 2) at X and the body force b (points, 2) that `manufactured_plate` describes."""
+    """u* (points, 2) at X and the body force b (points, 2) of `manufactured_plate`."""
 
     def wanted(X):
         x, y = X
@@ -174,15 +274,47 @@ def _manufactured(model: AbstractModel, X: Float[Array, "points 2"], stretch: Ar
 def manufactured_plate(
     n: int, N: float, horizon: float | None = None, model: AbstractModel | None = None, stretch=0.05, amplitude=2e-3
 ) -> Scene:
-    """A unit square under the body force for which the local theory has a smooth solution known beforehand.
+    """Make a unit square under a body force for which the local theory has a known smooth solution.
 
-    u* = stretch X + amplitude (sin 2πX sin πY, cos πX sin 2πY),   b = −Div P(I + ∇u*),  P = ∂ψ/∂F,
+    u* = stretch X + amplitude (sin 2πX sin πY, cos πX sin 2πY),   b = −Div P(I + ∇u*),  P = ∂ψ/∂F
 
-    with the rim of 2N points held at u*, its closed form. The body differs from it by the nonlocal model's own error,
-    of the order of horizon², and by the lattice's. A stretched state keeps order m = 1 stable.
-    Arguments: n points along a side; N = horizon/spacing, or give `horizon` [length] instead and N is ignored; model
-        with a classical law (order 1, λ = μ = 1 by default); stretch, amplitude [-].
-    Raises: ValueError for a plate without interior. Source: ours.
+    The rim of 2N points is held at u*, which is the closed form. The solution of the scene differs from u* by the error
+    of the nonlocal model, of the order of horizon², and by the error of the lattice. The stretch keeps the model of
+    order m = 1 stable.
+
+    Parameters
+    ----------
+    n : int
+        Number of points along a side.
+    N : float
+        Horizon over spacing [-]. Ignored if `horizon` is given.
+    horizon : float, optional
+        Horizon [length], instead of N.
+    model : AbstractModel, optional
+        A model with a classical law. Default: `SethHill` of order 1 with λ = μ = 1.
+    stretch : float, optional
+        Homogeneous part [-] of u*. Default 0.05.
+    amplitude : float, optional
+        Amplitude [length] of the waves of u*. Default 0.002.
+
+    Returns
+    -------
+    Scene
+        The problem, with its closed form u*.
+
+    Raises
+    ------
+    ValueError
+        If the rim leaves no point free.
+
+    Examples
+    --------
+    The middle of the plate is at X = Y = ½, where the waves vanish and u* = 0.05 · ½ = 0.025:
+
+    >>> scene = pd.scenes.manufactured_plate(9, 2, model=pd.Correspondence(pd.LinearElastic(1.0, 1.0)))
+    >>> middle = np.asarray(scene.closed_form[40])
+    >>> print(middle.round(6), len(scene.unknowns))
+    [0.025 0.025] 2
     """
     N = _ratio(N) if horizon is None else _ratio(horizon * n)
     rim = 2 * math.ceil(N * (1 - 1e-9))

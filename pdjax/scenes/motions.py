@@ -1,4 +1,4 @@
-"""Scenes that move: the paper's cuboid, and plane waves on periodic bars and lattices, at rest or deformed."""
+"""Moving scenes: the cuboid of the paper (Behzadinasab & Foster), and plane waves on periodic lattices."""
 
 import math
 
@@ -24,20 +24,55 @@ from .bodies import _count, _ratio, _unit_model
 
 @eqx.filter_jit
 def _rate_of_uniaxial_stress(model: AbstractModel, family: LatticeFamily) -> Float[Array, "dim dim"]:
-    """dF/da at rest of the path `uniaxial_stress`."""
+    """dF/da of the path `uniaxial_stress` at a = 0."""
     at_rest = jnp.zeros((), family.xi.dtype)
     return jax.jvp(lambda a: uniaxial_stress(a, model, family), (at_rest,), (jnp.ones_like(at_rest),))[1]
 
 
 def cuboid(shape, N: float = 3, strain=0.05, rate=1e-2, model: AbstractModel | None = None, density=1.0) -> Motion:
-    """The paper's cuboid: a body pulled or pushed along x by its ends, at a constant rate.
+    """Make the paper's cuboid: a body whose ends are pulled apart or pushed together along x at a constant rate.
 
-    A lattice of `shape` cells, the last axis one length unit long: (32, 8, 8) is 4 × 1 × 1. Of the 2N layers at each
-    end u_x = λ(t) strain (x − centre) is prescribed and the rest is free, so that uniaxial stress is a motion of all of
-    it; it starts with the velocity field of that, contraction included, so that no front runs in from ends and sides.
-    Arguments: shape 1 to 3 counts; N; strain [-] > −1 at the end; rate [1/time] > 0 of its magnitude; model by default
-        of order 1 and unit modulus; density. Its natural duration is |strain|/rate.
-    Raises: ValueError for a shape without free layers, a strain or rate that can't be. Source: section 5.3.
+    The body is a lattice whose last side is one unit of length long: the shape (32, 8, 8) gives a body of 4 × 1 × 1. In
+    2N layers at each end u_x = λ(t) strain (x − centre) is prescribed, with λ(t) = t rate/|strain|. All other
+    components are free, so the whole body can move in uniaxial stress. The initial velocities are those of uniaxial
+    stress, including the lateral contraction. No wave front therefore enters from the ends and the sides.
+
+    Parameters
+    ----------
+    shape : int or tuple of 1 to 3 int
+        Number of points along each axis.
+    N : float, optional
+        Horizon over spacing [-]. Default 3.
+    strain : float, optional
+        Strain [-] at the end of the motion, > −1 and not 0. Default 0.05.
+    rate : float, optional
+        Magnitude > 0 of the strain rate [1/time]. Default 0.01.
+    model : AbstractModel, optional
+        The material model. Default: `SethHill` of order 1 with unit modulus.
+    density : float or array, shape (points,), optional
+        Density [mass/length^dim]. Default 1.
+
+    Returns
+    -------
+    Motion
+        The problem. Its default duration is |strain|/rate.
+
+    Raises
+    ------
+    ValueError
+        If the two ends leave no layer free, or if the strain or the rate is invalid.
+
+    References
+    ----------
+    Behzadinasab & Foster, section 5.3
+
+    Examples
+    --------
+    A strain of 0.05 at a rate of 0.01 takes 5 units of time:
+
+    >>> motion = pd.scenes.cuboid(9, N=2, strain=0.05, rate=0.01)
+    >>> motion.duration, motion.start.shape
+    (5.0, (9, 1))
     """
     N, shape = _ratio(N), tuple(_count("every entry of shape", s, 1) for s in np.atleast_1d(shape))
     layers = 2 * math.ceil(N)
@@ -75,17 +110,60 @@ def wave(
     density=1.0,
     periods: float = 4.0,
 ) -> Motion:
-    """A plane wave on a periodic lattice of spacing 1, on top of a homogeneous deformation.
+    """Make a plane wave on a periodic lattice of spacing 1, on top of a homogeneous deformation.
 
-    u = u0 e cos(k·(X − X₀)) at t = 0, a crest on the first point X₀, at rest (a standing wave) or moving along k; e the
-    polarisation of one branch of the symbol. The scene's closed form is that start.
-    Arguments: n points along each side, or a shape; N; k (dim,), or its first component [1/length]: it must fit the
-        box, k_i = 2π j/n_i (default: the longest wave along x); u0 [length]; model by default of order 1 and unit
-        modulus; dim; F (dim, dim) mean deformation; branch −1 the fastest, 0 the slowest; travelling; density; periods:
-        the natural duration is that many periods; of a classical P-wave for a mode that stands still; of one that
-        grows, until it is 1 % of the spacing.
-    Raises: ValueError for a k that doesn't fit (with the nearest that does) or lies beyond the Brillouin zone (with the
-        wave that it is), a box of two horizons or less.
+    u = u₀ e cos(k·(X − X₀)) at t = 0
+
+    X₀ is the first point, so a crest lies on a point. e is the polarisation of one branch of the symbol. The wave
+    starts at rest (a standing wave) or with the velocities of a wave that travels along k. The closed form of the scene
+    is the initial displacement.
+
+    Parameters
+    ----------
+    n : int or tuple of int
+        Number of points along each side, or the shape of the lattice.
+    N : float, optional
+        Horizon over spacing [-]. Default 3.
+    k : float or array, shape (dim,), optional
+        Wave vector [1/length], or its first component. It must fit the periodic box: k_i = 2π j/n_i with integer j.
+        Default: the longest wave along x.
+    u0 : float, optional
+        Amplitude u₀ [length]. Default 1e-6.
+    model : AbstractModel, optional
+        The material model. Default: `SethHill` of order 1 with unit modulus.
+    dim : int, optional
+        Dimension, if n is one number. Default 1.
+    F : array, shape (dim, dim), optional
+        Mean deformation gradient [-]. Default: undeformed.
+    branch : int, optional
+        Branch of the symbol: −1 (the default) is the fastest, 0 the slowest.
+    travelling : bool, optional
+        Start with the velocities of a travelling wave. Default False.
+    density : float, optional
+        Density [mass/length^dim]. Default 1.
+    periods : float, optional
+        Default duration of the motion, in periods of the wave. Default 4. A mode of zero frequency uses the period of a
+        classical P-wave. For a growing mode the duration is the time in which it grows to 1 % of the spacing,
+        or tenfold if that takes longer.
+
+    Returns
+    -------
+    Motion
+        The problem, with its default duration.
+
+    Raises
+    ------
+    ValueError
+        If k does not fit the box (the message names the nearest k that does), if k lies beyond the Brillouin zone (the
+        message names the equivalent wave), or if the box is not longer than two horizons.
+
+    Examples
+    --------
+    On a chain of springs ω = 2 sin(k/2) = √2 for k = π/2, so 4 periods take 8π/√2:
+
+    >>> motion = pd.scenes.wave(8, N=1, k=np.pi / 2, model=pd.BondBased(1.0))
+    >>> round(motion.duration, 6), round(8 * np.pi / 2**0.5, 6)
+    (17.771532, 17.771532)
     """
     N = _ratio(N)
     shape = tuple(_count("n", s, 2) for s in ((n,) * dim if np.ndim(n) == 0 else n))
@@ -103,13 +181,14 @@ def wave(
     if not (np.isfinite(given).all() and np.abs(steps - np.round(steps)).max() < 1e-6):
         nearest = 2 * np.pi * np.round(np.nan_to_num(steps)) / np.array(shape)
         raise ValueError(
-            f"k must fit the periodic box, k_i = 2π j/n_i; got {given}, the nearest that fits is {nearest}"
+            f"k must fit the periodic box, k_i = 2π j/n_i with integer j; got {given}, and the nearest k that fits is"
+            f" {nearest}"
         )
     if (np.abs(steps) > np.array(shape) / 2 + 1e-6).any():
         same = np.round(steps) - np.array(shape) * np.round(np.round(steps) / np.array(shape))
         raise ValueError(
-            f"a lattice of {shape} points has waves of up to half as many lengths along each side; {np.round(steps)}"
-            f" are more, and on these points the wave is that of {same}"
+            f"k lies beyond the Brillouin zone: a lattice of {shape} points has waves of up to half as many wavelengths"
+            f" along each side; got {np.round(steps)} wavelengths, which on these points is the same wave as {same}"
         )
     body = lattice(shape, 1.0, periodic=True)
     model = _unit_model(model)
@@ -117,7 +196,8 @@ def wave(
     family = lattice_family(dim, N)
     found = on_host(dispersion(model, family, np.eye(dim) if mean is None else mean, given[None], density))
     e, omega = found.mode[0, :, branch], found.frequency[0, branch]
-    phase = ((body.positions - body.positions[0]) @ given)[:, None]  # a crest on a point: k = π/h is seen
+    # The crest lies on a point. Between two points a wave of k = π/h would vanish on all points.
+    phase = ((body.positions - body.positions[0]) @ given)[:, None]
     u0 = on_host(as_real(u0))
     start = u0 * np.cos(phase) * e
     velocity = omega * u0 * np.sin(phase) * e if travelling else None

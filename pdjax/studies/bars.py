@@ -1,10 +1,10 @@
-"""The bars at rest beside their known solutions: what the command line, the notebooks and the paper's figures show."""
+"""Static bars next to their known solutions, for the command line, the notebooks and the figures of the paper."""
 
 import numpy as np
 
 
 def singular_curves(scene, stress: float, alpha: float = 10.0) -> dict[str, np.ndarray]:
-    """The two closed forms of the singular bar by name, u (points,)."""
+    """The two closed forms of the singular bar: name → u (points,)."""
     import pdjax as pd
 
     x = scene.body.positions[:, 0]
@@ -16,7 +16,7 @@ def singular_curves(scene, stress: float, alpha: float = 10.0) -> dict[str, np.n
 
 
 def bar_case(scene, result, what: str, value: float, curves: dict[str, np.ndarray]):
-    """One solved bar: its column of the figure, and what was found as a dictionary."""
+    """One solved bar: the column that `pd.figures.bars` draws, and a dictionary of the results."""
     import pdjax as pd
 
     x, u, known = scene.body.positions[:, 0], np.asarray(result.u)[:, 0], np.asarray(scene.closed_form)[:, 0]

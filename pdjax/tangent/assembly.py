@@ -12,6 +12,7 @@ needed. A model of two stages has, with Z = (Δ; S; S at the far end), S = R Δ 
 energy, V J = −Zᵀ (V H) Z, since its states are linear in η.
 """
 
+from functools import singledispatch
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -24,26 +25,22 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import Array
 
 from .._internal.checks import computed_in_double
-from .._internal.threads import cores, shared
+from .._internal.threads import cores, in_threads
 from .._internal.xla import QUICK, compiled_with
 from ..geometry.bonds import Bonds, Families
 from ..models.base import AbstractModel, PointStateModel, TwoStageModel
 from ..models.pointwise import regular, split_model
-from .linearise import TwoStage, family_tangent, linearise_states, linearise_two_stage
+from .linearise import TwoStage, linearise
 
 
 def _point_tangents(model: AbstractModel, families: Families, bonds: Bonds) -> Any:
-    """LowRank of every point (point-state models), or the dense C of every point. What comes of bonds without weight
-    means nothing."""
+    """The tangent of every point's family (`linearise`). What comes of bonds without weight means nothing."""
     varying, shared = split_model(model, len(families))
     bonds, _ = regular(bonds)
-    if not isinstance(model, PointStateModel | TwoStageModel):
-        return jax.vmap(lambda mine, b: family_tangent(eqx.combine(mine, shared), b))(varying, bonds)
-    if isinstance(model, PointStateModel) and not model.needs_other_end:
-        return jax.vmap(lambda mine, b: linearise_states(eqx.combine(mine, shared), b))(varying, bonds)
+    if not model.needs_other_end:
+        return jax.vmap(lambda mine, b: linearise(eqx.combine(mine, shared), b))(varying, bonds)
     states = jax.vmap(lambda mine, b: ravel_pytree(eqx.combine(mine, shared).point_state(b))[0])(varying, bonds)
     far = states[families.neighbours]
-    linearise: Any = linearise_two_stage if isinstance(model, TwoStageModel) else linearise_states
     return jax.vmap(lambda mine, b, there: linearise(eqx.combine(mine, shared), b, there))(varying, bonds, far)
 
 
@@ -101,7 +98,7 @@ def _product(P: sp.bsr_array, S: sp.bsr_array) -> sp.bsr_array:
         out.sort_indices()
         return out
 
-    parts = list(shared(part, list(pairwise(cuts))))
+    parts = list(in_threads(part, list(pairwise(cuts))))
     starts = np.cumsum([0, *(len(p.indices) for p in parts)])
     indptr = np.concatenate([[0], *(p.indptr[1:] + s for p, s in zip(parts, starts, strict=False))])
     data, indices = (np.concatenate([getattr(p, name) for p in parts]) for name in ("data", "indices"))
@@ -128,38 +125,59 @@ def _ring_blocks(model: PointStateModel, families: Families, u: Array, F: Array 
     return D, -jnp.sum(D, axis=1), P, jnp.sum(P_own, axis=1), S, -jnp.sum(S, axis=1)
 
 
+@singledispatch
 def sparse_jacobian(model: AbstractModel, families: Families, u: Array, F: Array | None) -> sp.csr_array:
-    """J (points·dim, points·dim) at checked u and mean deformation F (or None), with sorted indices."""
-    points, dim = len(families), families.dim
-    if isinstance(model, PointStateModel):
-        D, D_own, P, P_own, S, S_own = computed_in_double(_ring_blocks, model, families, u, F)
-        rings = _Rings.of(families)
-        J = rings.matrix(D, D_own)
-        J.sort_indices()
-        if S.shape[2]:
-            J = J + _product(rings.matrix(P, P_own), rings.matrix(S, S_own))
-        return J.tocsr()  # sorted, as both terms were
+    """J (points·dim, points·dim) at checked u and mean deformation F (or None), with sorted indices.
+
+    Each kind of model registers its own.
+    """
     tangents = computed_in_double(_tangents, model, families, u, F)
-    true = np.asarray(families.weight) > 0
-    i, slot = np.nonzero(true)
-    j = np.asarray(families.neighbours)[i, slot]
-    bond, count = np.arange(len(i)), len(i)
+    at, difference, V = _bonds_of(families)
+    i, slot, j = at
+    dim, points, count = families.dim, len(families), len(i)
+    bond = np.arange(count)
     ones = np.broadcast_to(np.eye(dim), (count, dim, dim))
-    V = np.asarray(families.volumes, dtype=float)
-    difference = _block_csr(bond, j, ones, (count, points)) - _block_csr(bond, i, ones, (count, points))
-    if isinstance(model, TwoStageModel):
-        return _of_energies(tangents, V, difference, (i, slot, j))
-    divergence = _block_csr(i, bond, ones * V[j][:, None, None], (points, count)) - _block_csr(
-        j, bond, ones * V[i][:, None, None], (points, count)
-    )
+    out = _block_csr(i, bond, ones * V[j][:, None, None], (points, count))
+    back = _block_csr(j, bond, ones * V[i][:, None, None], (points, count))
+    true = np.asarray(families.weight) > 0
     number = np.full(true.shape, -1)
     number[i, slot] = bond
     p, b, c = np.nonzero(true[:, :, None] & true[:, None, :])
     blocks = np.asarray(tangents).transpose(0, 1, 3, 2, 4)[p, b, c]
-    J = divergence @ (_block_csr(number[p, b], number[p, c], blocks, (count, count)) @ difference)
+    J = (out - back) @ (_block_csr(number[p, b], number[p, c], blocks, (count, count)) @ difference)
     J = J.tocsr()
     J.sort_indices()
     return J
+
+
+@sparse_jacobian.register(PointStateModel)
+def _of_states(model: PointStateModel, families: Families, u: Array, F: Array | None) -> sp.csr_array:
+    """J = D + P S of the module's text."""
+    D, D_own, P, P_own, S, S_own = computed_in_double(_ring_blocks, model, families, u, F)
+    rings = _Rings.of(families)
+    J = rings.matrix(D, D_own)
+    J.sort_indices()
+    if S.shape[2]:
+        J = J + _product(rings.matrix(P, P_own), rings.matrix(S, S_own))
+    return J.tocsr()  # sorted, as both terms were
+
+
+@sparse_jacobian.register(TwoStageModel)
+def _of_both_ends(model: TwoStageModel, families: Families, u: Array, F: Array | None) -> sp.csr_array:
+    """J = −V⁻¹ Zᵀ (V H) Z of the module's text."""
+    at, difference, V = _bonds_of(families)
+    return _of_energies(computed_in_double(_tangents, model, families, u, F), V, difference, at)
+
+
+def _bonds_of(families: Families) -> tuple[tuple[np.ndarray, np.ndarray, np.ndarray], sp.csr_array, np.ndarray]:
+    """(point, slot and neighbour of every true bond), the difference operator Δ, and the volumes."""
+    i, slot = np.nonzero(np.asarray(families.weight) > 0)
+    j = np.asarray(families.neighbours)[i, slot]
+    bond, count = np.arange(len(i)), len(i)
+    ones = np.broadcast_to(np.eye(families.dim), (count, families.dim, families.dim))
+    shape = (count, len(families))
+    difference = _block_csr(bond, j, ones, shape) - _block_csr(bond, i, ones, shape)
+    return (i, slot, j), difference, np.asarray(families.volumes, dtype=float)
 
 
 def _of_energies(t: TwoStage, V: np.ndarray, difference: sp.csr_array, true: tuple) -> sp.csr_array:

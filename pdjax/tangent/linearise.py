@@ -5,7 +5,8 @@ has the second derivatives of its bond energies and R. Any other model: the dens
 """
 
 from collections.abc import Callable
-from typing import NamedTuple
+from functools import singledispatch
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -62,7 +63,7 @@ def _slope_of_state(model: PointStateModel, bonds: Bonds) -> _Slope:
     return _Slope(*ravel_pytree(state), outer, jnp.moveaxis(slopes, 1, 0))
 
 
-def linearise_states(model: PointStateModel, bonds: Bonds, there=None, first: int | None = None) -> LowRank:
+def linearise_states(model: Any, bonds: Bonds, there=None, first: int | None = None) -> LowRank:
     """B, G, R of one family by autodiff of `point_state` and `bond_force`.
 
     `there` holds the states at the far ends, (bonds, rank) raveled; None: equal to this point's (homogeneous).
@@ -113,19 +114,40 @@ def linearise_two_stage(model: TwoStageModel, bonds: Bonds, there=None) -> TwoSt
     return TwoStage(direct, by_here, by_there, here, mixed, at_far, R)
 
 
+@singledispatch
 def family_tangent(model: AbstractModel, bonds: Bonds) -> Float[Array, "bonds dim bonds dim"]:
     """C = ∂T/∂η of one family, dense, every point in the same state; (b, i, c, j) = ∂T_bi/∂η_cj.
 
-    Raises: ValueError for a model of two stages, whose force state is not a function of one family.
+    Each kind of model registers its own. Raises ValueError for a model of two stages, whose force state is not a
+    function of one family.
     """
-    if isinstance(model, TwoStageModel):
-        raise ValueError(
-            f"the force state of {type(model).__name__} depends on its neighbours' families too: criteria of one family"
-            ' ("material", "material_center", "material_neighbour") do not apply; use "block" or "symbol"'
-        )
-    if isinstance(model, PointStateModel):
-        t = linearise_states(model, bonds)
-        n = bonds.eta.shape[0]
-        C = jnp.einsum("bir,rcj->bicj", t.G, t.R)  # own state only: dT at this point by its own bonds
-        return C.at[jnp.arange(n), :, jnp.arange(n), :].add(t.B)
     return jax.jacfwd(lambda eta: model.force_state(bonds._replace(eta=eta)))(bonds.eta)
+
+
+@family_tangent.register(PointStateModel)
+def _point_state_tangent(model: PointStateModel, bonds: Bonds) -> Float[Array, "bonds dim bonds dim"]:
+    t = linearise_states(model, bonds)
+    n = bonds.eta.shape[0]
+    C = jnp.einsum("bir,rcj->bicj", t.G, t.R)  # own state only: dT at this point by its own bonds
+    return C.at[jnp.arange(n), :, jnp.arange(n), :].add(t.B)
+
+
+@family_tangent.register(TwoStageModel)
+def _two_stage_refusal(model: TwoStageModel, bonds: Bonds) -> Float[Array, "bonds dim bonds dim"]:
+    raise ValueError(
+        f"the force state of {type(model).__name__} depends on its neighbours' families too: criteria of one family"
+        ' ("material", "material_center", "material_neighbour") do not apply; use "block" or "symbol"'
+    )
+
+
+@singledispatch
+def linearise(model: AbstractModel, bonds: Bonds, there: Any = None) -> Any:
+    """The tangent of one family in the form of the model's kind: `LowRank`, `TwoStage`, or the dense C.
+
+    Each kind of model registers its own. `there` as in `linearise_states`.
+    """
+    return family_tangent(model, bonds)
+
+
+linearise.register(PointStateModel)(linearise_states)
+linearise.register(TwoStageModel)(linearise_two_stage)

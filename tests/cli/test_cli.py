@@ -1,4 +1,4 @@
-"""The command line, in process: files, tables, JSON, and errors that name what was wrong and leave nothing behind."""
+"""The commands, run in process, write their files, tables and JSON; errors name the cause and leave no file."""
 
 import errno
 import json
@@ -20,7 +20,7 @@ def test_map_writes_figure_data_and_table(tmp_path, capsys):
     assert grid.verdict.tolist()[2] == ["unstable", "marginal", "stable"]  # m = 1
     assert grid.settings["law"] == "LinearElastic(lam=1, mu=1)"
     assert "-0.0254" in said  # m = 1, diagonal
-    assert "60.1%" not in said  # the shares are this map's, not the default's
+    assert "60.1%" not in said  # the shares belong to this map, not to the default map
     assert sorted(p.name for p in tmp_path.iterdir()) == ["small.npz", "small.png"]
 
 
@@ -32,7 +32,7 @@ def test_json_is_one_object(tmp_path, capsys):
     assert loads["positive"] == "inf"
 
 
-def test_symbol_says_what_the_library_says(tmp_path, capsys):
+def test_symbol_prints_the_result_of_the_library(tmp_path, capsys):
     out = tmp_path / "spectrum.png"
     assert main(["symbol", "--m", "0", "--a=-0.02", "--out", str(out), "--json"]) == 0
     said = json.loads(capsys.readouterr().out)
@@ -51,7 +51,7 @@ def test_symbol_says_what_the_library_says(tmp_path, capsys):
         (["map", "--m=nan:1:3"], "m must be finite"),
         (["map", "--out", "no-such-folder/x"], "does not exist"),
         (["critical", "--criterion", "norm"], "criterion must be one of"),
-        (["symbol", "--a=-1.5"], "a must be > -1"),  # in 2D a half-turn, det F > 0
+        (["symbol", "--a=-1.5"], "a must be > -1"),  # in 2D this is a half-turn with det F > 0
         (["symbol", "--resolution", "1"], "resolution must be"),
         (["run", "step-bar", "--strain=-1"], "strain must be finite and > -1"),
         (["run", "step-bar", "--n", "12"], "n must be a whole number >= 13"),
@@ -67,7 +67,7 @@ def test_symbol_says_what_the_library_says(tmp_path, capsys):
         (["run", "cuboid", "--rate", "0"], "rate must be"),
     ],
 )
-def test_bad_input_is_said_and_leaves_nothing(arguments, words, tmp_path, capsys, monkeypatch):
+def test_bad_input_prints_an_error_and_leaves_no_file(arguments, words, tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert main(arguments) == 2
     assert words in capsys.readouterr().err
@@ -75,15 +75,15 @@ def test_bad_input_is_said_and_leaves_nothing(arguments, words, tmp_path, capsys
 
 
 @pytest.mark.parametrize("arguments", [["map", "--m", "abc"], ["map", "--dim", "4"], []])
-def test_wrong_words_get_the_usage(arguments, capsys):
+def test_wrong_arguments_print_the_usage(arguments, capsys):
     with pytest.raises(SystemExit) as stop:
         main(arguments)
     assert stop.value.code == 2
     assert "usage: pdjax" in capsys.readouterr().err
 
 
-def test_a_failed_map_keeps_the_old_file(tmp_path, capsys, monkeypatch):
-    """An interrupt in the middle: exit 130, and the file of the last run is as it was."""
+def test_an_interrupted_map_keeps_the_old_file(tmp_path, capsys, monkeypatch):
+    """After an interrupt the exit code is 130, and the file of the last run is unchanged."""
     import pdjax.infinite_lattice.maps
 
     old = tmp_path / "small.npz"
@@ -94,7 +94,7 @@ def test_a_failed_map_keeps_the_old_file(tmp_path, capsys, monkeypatch):
     assert old.read_bytes() == b"old"
 
 
-def test_run_step_bar_says_what_it_found(tmp_path, capsys):
+def test_run_step_bar_prints_a_minimum_and_a_saddle(tmp_path, capsys):
     assert main(["run", "step-bar", "--strain", "1", "-0.0001", "--out", str(tmp_path / "bar")]) == 0
     said = capsys.readouterr().out
     assert "a minimum: largest eigenvalue -65.78, 0 positive" in said
@@ -114,7 +114,7 @@ def test_run_singular_bar_in_json(tmp_path, capsys):
     assert (tmp_path / "bar.png").stat().st_size > 10_000
 
 
-def test_run_wave_measures_what_the_symbol_says(tmp_path, capsys):
+def test_run_wave_measures_the_growth_rate_of_the_symbol(tmp_path, capsys):
     arguments = [
         "run",
         "wave",
@@ -137,7 +137,7 @@ def test_run_wave_measures_what_the_symbol_says(tmp_path, capsys):
     assert sorted(p.name for p in tmp_path.iterdir()) == ["w.npz", "w.png"]
 
 
-def test_run_cuboid_says_how_it_ended(tmp_path, capsys):
+def test_run_cuboid_prints_how_it_ended_and_resumes_from_its_checkpoint(tmp_path, capsys):
     arguments = ["run", "cuboid", "--shape", "9", "3", "3", "--N", "2", "--strain=-0.02", "--rate", "0.01"]
     keep = ["--checkpoint", str(tmp_path / "keep"), "--out", str(tmp_path / "c")]
     assert main([*arguments, *keep]) == 0
@@ -145,14 +145,14 @@ def test_run_cuboid_says_how_it_ended(tmp_path, capsys):
     assert "ran to its end" in said and "alternation between neighbours" in said
     assert sorted(p.name for p in tmp_path.iterdir()) == ["c.npz", "c.png", "keep--0.02.npz"]
     force = np.load(tmp_path / "c.npz")["strain -0.02 force"]
-    assert main([*arguments, *keep]) == 0  # everything is in the checkpoint: the same numbers again
+    assert main([*arguments, *keep]) == 0  # the checkpoint holds the finished run, so the numbers are equal
     assert np.array_equal(np.load(tmp_path / "c.npz")["strain -0.02 force"], force)
 
 
 @pytest.mark.parametrize("dt", ["10", "4.6"])
 @pytest.mark.filterwarnings("ignore:dt =")
-def test_a_wave_that_blows_up_is_said_to(dt, tmp_path, capsys):
-    """Too few saves for a rate are no bad input: what happened is said, and written."""
+def test_a_wave_above_the_critical_step_is_reported_and_saved(dt, tmp_path, capsys):
+    """A run that diverges after too few saves for a rate still prints its end and writes its files."""
     assert main(["run", "wave", "--dt", dt, "--out", str(tmp_path / "w")]) == 0
     said = capsys.readouterr().out
     assert "is above the critical step" in said and "measured:" not in said
@@ -160,7 +160,7 @@ def test_a_wave_that_blows_up_is_said_to(dt, tmp_path, capsys):
 
 
 def test_a_full_disk_loses_no_numbers(tmp_path, capsys, monkeypatch):
-    """They are said before anything is written, the arrays are written before the picture, and the file is named."""
+    """Numbers are printed before files are written, arrays before the picture, and the error names the file."""
     from matplotlib.figure import Figure
 
     def full(*_, **__):
@@ -174,7 +174,7 @@ def test_a_full_disk_loses_no_numbers(tmp_path, capsys, monkeypatch):
     assert [p.name for p in tmp_path.iterdir()] == ["w.npz"]
 
 
-def test_a_film_that_cannot_be_made_is_refused_before_the_run(tmp_path, capsys, monkeypatch):
+def test_an_animation_that_cannot_be_written_is_refused_before_the_run(tmp_path, capsys, monkeypatch):
     monkeypatch.setattr("shutil.which", lambda _: None)
     assert main(["run", "wave", "--animate", str(tmp_path / "w.mp4"), "--out", str(tmp_path / "w")]) == 2
     assert "needs the program ffmpeg" in capsys.readouterr().err
@@ -183,7 +183,7 @@ def test_a_film_that_cannot_be_made_is_refused_before_the_run(tmp_path, capsys, 
 
 def test_a_large_map_shows_a_first_picture_of_every_fourth_state(tmp_path, capsys, monkeypatch):
     import pdjax as pd
-    from pdjax import cli as command
+    from pdjax.cli import map as command
 
     seen = []
 
@@ -197,7 +197,7 @@ def test_a_large_map_shows_a_first_picture_of_every_fourth_state(tmp_path, capsy
         return grid
 
     monkeypatch.setattr(pd, "stability_map", quick)
-    monkeypatch.setattr(command, "_critical_rows", lambda *_: [])
+    monkeypatch.setattr(command, "critical_rows", lambda *_: [])
     assert main(["map", "--m=-1:2:160", "--a=-0.1:0.1:161", "--out", str(tmp_path / "large")]) == 0
     assert seen == [(40, 41, False), (160, 161, True)]
     assert "coarse preview, 1640 states, in" in capsys.readouterr().err

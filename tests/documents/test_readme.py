@@ -1,5 +1,9 @@
-"""Every Python block of the README runs, one after the other as a reader would; its commands are what CI runs."""
+"""README.md and benchmarks/README.md say what the results say, and their Python blocks and commands work.
 
+After a new run of `pdjax paper` or `pdjax atlas`, `python tests/documents/test_readme.py` writes the tables anew.
+"""
+
+import importlib
 import json
 import re
 import shlex
@@ -7,26 +11,54 @@ from pathlib import Path
 
 import pytest
 
+import pdjax as pd
 from pdjax.cli import main, parser
 from pdjax.studies.paper import results
 
 ROOT = Path(__file__).parents[2]
-TEXT = (ROOT / "README.md").read_text()
-SHELL = "\n".join(re.findall(r"```sh\n(.*?)```", TEXT, flags=re.S))
-COMMANDS = [line for line in SHELL.splitlines() if line.startswith("pdjax ")]
-SHOWN = sorted(set(re.findall(r"`(pdjax [^`]*)`", results.markdown(results.read(ROOT / "benchmarks/results", False)))))
+README, STUDIES = ROOT / "README.md", ROOT / "benchmarks" / "README.md"
+TEXTS = {file: file.read_text() for file in (README, STUDIES)}
+MODELS = {  # row of the README's table of models → the name of the model in `pd.CATALOGUE`
+    "`BondBased`": "bond-based",
+    "`LPS`": "LPS",
+    "`Correspondence` (Silling)": "Silling",
+    "the same with `SillingControl`": "Silling + penalty",
+    "`SethHill`, m = 1": "Seth–Hill 1",
+    "`SethHill`, m = 1, with `SillingControl`": "Seth–Hill 1 + penalty",
+    "`BondLevel`": "bond-level",
+    "`BondAssociated`": "bond-associated",
+}
+TIMES = {  # words of the README's table of tasks → (rows of pdjax/bench/measured/start.json, digits)
+    "`pd.stability`, `pdjax symbol`": (["stability, 2D"], 1),
+    "`pd.critical_load`, `pdjax critical`": (["critical_load"], 1),
+    "`pd.stability_map`, `pdjax map`": (["pdjax map, cold"], 0),
+    "`pd.force_density`, `pd.jacobian`": (["force_density, 10³ points", "jacobian, 10³ points"], 1),
+    "`pd.body_stability`": (["body_stability"], 1),
+    "`pd.solve`, `pd.equilibrium_path`": (["solve, 297 points in 3D"], 1),
+    "`pd.simulate`, `pd.export.write_vtk`": (["simulate"], 1),
+}
 
 
-def with_tables(text):
-    """The README with the tables of benchmarks/results/paper.json between its marks."""
-    begin, end = results.MARKS
-    tables = results.in_readme(results.read(ROOT / "benchmarks" / "results", quick=False))
-    assert begin in text and end in text
-    return f"{text.split(begin)[0]}{begin}\n{tables}\n{end}{text.split(end)[1]}"
+def blocks(text, language):
+    return re.findall(rf"```{language}\n(.*?)```", text, flags=re.S)
+
+
+def commands(text):
+    """The pdjax commands of the shell blocks."""
+    return [line for block in blocks(text, "sh") for line in block.splitlines() if line.startswith("pdjax ")]
+
+
+TO_RUN = commands(TEXTS[STUDIES].split("\n## Commands\n")[1])
+SHOWN = re.findall(r"`(pdjax [^`]*)`", results.markdown(results.read(ROOT / "benchmarks/results", False)))
+ALL_COMMANDS = sorted({*SHOWN, *(line for text in TEXTS.values() for line in commands(text))})
 
 
 def saved(name):
     return json.loads((ROOT / "benchmarks" / "results" / f"{name}.json").read_text())
+
+
+def percent(value, digits=1, sign=""):
+    return f"{100 * value:{sign}.{digits}f}".replace("-", "−")
 
 
 def several(values, digits=0, scale=100.0):
@@ -35,27 +67,55 @@ def several(values, digits=0, scale=100.0):
     return f"{', '.join(words[:-1])} and {words[-1]}"
 
 
+def with_tables(text):
+    """benchmarks/README.md with what benchmarks/results/paper.json says of the claims between its marks."""
+    begin, end = results.MARKS
+    assert begin in text and end in text
+    found = results.read(ROOT / "benchmarks" / "results", quick=False)
+    tables = f"{len(found['claims'])} claims: {results.counts(found)}.\n\n{results.refuted(found)}"
+    return f"{text.split(begin)[0]}{begin}\n{tables}\n{end}{text.split(end)[1]}"
+
+
+def model_rows():
+    """The rows of the README's table of models, made from benchmarks/results/atlas.json."""
+    records = {r["model"]: r for r in saved("atlas")["records"] if (r["dim"], r["N"]) == (2, 3.0)}
+    for words, name in MODELS.items():
+        record = records[name]
+        loads = [record["critical"][path]["compression"][0] for path in ("hydrostatic", "uniaxial-stress")]
+        edges = " | ".join(f"{percent(a)} %" if a else "0" for a in loads)
+        errors = ", ".join(f"{percent(e, 0, '+')} %" for e in record["dispersion"])
+        yield f"| {words} | {edges} | {record['zero_count']} | {errors} |"
+
+
+def time_cells():
+    """What the README's table of tasks says of time, made from the measured rows."""
+    measured = json.loads((ROOT / "pdjax" / "bench" / "measured" / "start.json").read_text())["rows"]
+    seconds = {row["method"]: row["seconds"] for row in measured}
+    for words, (methods, digits) in TIMES.items():
+        yield words, ", ".join(f"{seconds[method]:.{digits}f} s" for method in methods)
+
+
 def sentences():
-    """What the text says in numbers, made from the files of results."""
+    """What benchmarks/README.md says in numbers, made from the files of results."""
     sheets = {name: sheet["numbers"] for name, sheet in saved("paper")["figures"].items()}
     step, bars, body = sheets["step-bar"], sheets["singular-bar"], sheets["cuboid"]
     positive = {r["strain"]: r["its positive"] for r in step["outcomes"]}
-    yield f"beyond {100 * step['own critical strain, n = 100']:.4f} %, a saddle".replace("-", "−")
+    yield f"beyond {percent(step['own critical strain, n = 100'], 4)} %, a saddle"
     yield f"{positive[-1e-4]} positive eigenvalue at −0.01 %, {positive[-1e-3]} at −0.1 %"
-    yield f"{100 * bars['m = 1, tension'][-1]['printed from local']:.1f} % from the nonlinear local solution"
+    yield f"{percent(bars['m = 1, tension'][-1]['printed from local'])} % from the nonlinear local solution"
     kinds = {r["n"]: r["kind"] for r in bars["m = 1, compression"]}
     yield (
         f"a minimum up to {max(n for n in kinds if kinds[n] == 'minimum')} points and a saddle from"
         f" {min(n for n in kinds if kinds[n] == 'saddle')} on"
     )
     pulled, pressed = (body[f"m = 0, {side}"] for side in ("tension", "compression"))
-    for key, text in (("onset", "a spacing from {} % and {} % on"), ("onset by the symbol", "says {} % and {} %")):
-        yield text.format(*(f"{100 * run[key]:+.1f}".replace("-", "−") for run in (pulled, pressed)))
+    for key, text in (("onset", "a spacing from {} % and {} % on"), ("onset by the symbol", "predict {} % and {} %")):
+        yield text.format(*(percent(run[key], 1, "+") for run in (pulled, pressed)))
     cuboid = saved("cuboid")
     rates = cuboid["onset of m = 0 in compression at other rates"]
     onsets = several([rates[r]["seen"] for r in ("0.02", "0.01", "0.0025")], 1)
     foretold = several([-rates[r]["symbol"] for r in ("0.02", "0.01", "0.0025")], 1)
-    yield f"it is {onsets} % against predicted {foretold} %"
+    yield f"the onset is at {onsets} % against predicted {foretold} %"
     tension = cuboid["critical tension of the symbol in uniaxial stress over the order"]
     yield f"m = 0.75, 1.5 and 2 bear {several([tension[m] for m in ('0.75', '1.5', '2.0')])} %"
     orders = sheets["maps-2d"]["compression holds below, tension above m ="]
@@ -66,7 +126,7 @@ def sentences():
     loads = ("-1 %", "-5 %", "-10 %")
     yield f"g = {several([needed['penalty g'][a] for a in loads], 3, 1.0)} at −1, −5 and −10 %"
     yield f"C = {several([needed['hourglass C'][a] for a in loads], 3, 1.0)}"
-    yield f"to {100 * cases[2, 1.0, 'Wan']['critical']['negative']:.2f} % (2D hydrostatic)".replace("-", "−")
+    yield f"to {percent(cases[2, 1.0, 'Wan']['critical']['negative'], 2)} % (2D hydrostatic)"
     speed = {name: row["speed of pdjax over it"]["Numba, lattice, 2"] for name, row in saved("peers")["forces"].items()}
     yield f"pdjax has {speed['PMB, N = 3']:.2f} (bond-based), {speed['LPS, N = 3']:.2f} (LPS)"
     yield f"{speed['Silling, N = 3']:.2f} (Silling; {speed['Silling, N = 6']:.1f} at a horizon of 6)"
@@ -74,19 +134,43 @@ def sentences():
 
 @pytest.mark.parametrize("sentence", list(sentences()))
 def test_numbers_in_the_text_are_those_of_the_results(sentence):
-    assert sentence in " ".join(TEXT.split())
+    assert sentence in " ".join(TEXTS[STUDIES].split())
 
 
-def test_python_blocks_run(capsys, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)  # a checkpoint is written
-    blocks = re.findall(r"```python\n(.*?)```", TEXT, flags=re.S)
-    assert len(blocks) == 5
-    scope: dict = {}
-    for block in blocks:
+@pytest.mark.parametrize("row", list(model_rows()))
+def test_the_table_of_models_is_that_of_the_atlas(row):
+    assert row in TEXTS[README].splitlines()
+
+
+@pytest.mark.parametrize(("words", "time"), list(time_cells()))
+def test_the_times_of_the_tasks_are_those_measured(words, time):
+    (row,) = [line for line in TEXTS[README].splitlines() if f"| {words} |" in line]
+    assert row.endswith(f"| {time} |")
+
+
+def test_the_readme_is_short():
+    assert len(TEXTS[README].splitlines()) <= 150
+    assert len(TEXTS[README].split()) <= 1500
+
+
+def run(source, scope):
+    for block in blocks(source, "python"):
         exec(compile(block, "README.md", "exec"), scope)
+
+
+def test_the_first_example_prints_what_the_readme_shows(capsys):
+    (example,), (shown,) = blocks(TEXTS[README], "python"), blocks(TEXTS[README], "text")
+    assert len(example.splitlines()) <= 12
+    run(TEXTS[README], {})
+    assert capsys.readouterr().out == shown
+
+
+def test_python_blocks_of_the_studies_run(capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)  # a checkpoint is written
+    assert len(blocks(TEXTS[STUDIES], "python")) == 5
+    run(TEXTS[STUDIES], {})
     said = capsys.readouterr().out
     assert "symbol: unstable" in said
-    assert "\nstable\n" in said  # the diagonal's verdict
     assert "-0.0254" in said
     assert "\nTrue saddle\n" in said
     assert "\n0.121" in said and "[[0.1214" in said  # the growth measured and the symbol's
@@ -95,33 +179,76 @@ def test_python_blocks_run(capsys, tmp_path, monkeypatch):
 
 
 def test_the_table_of_claims_is_that_of_the_results():
-    """After a new run: `python tests/documents/test_readme.py` writes the tables anew."""
-    assert TEXT == with_tables(TEXT)
+    assert TEXTS[STUDIES] == with_tables(TEXTS[STUDIES])
 
 
-def test_paths_and_links_exist():
-    for target in re.findall(r"\]\(([^)#]+)\)", TEXT) + re.findall(r"`((?:benchmarks|notebooks)/[^`]*)`", TEXT):
-        assert (ROOT / target).exists(), target
+def anchor(heading):
+    """The address that GitHub gives to a heading."""
+    return re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-")
+
+
+@pytest.mark.parametrize("file", TEXTS, ids=["README.md", "benchmarks/README.md"])
+def test_paths_and_links_exist(file):
+    text = TEXTS[file]
+    for target in re.findall(r"`((?:benchmarks|notebooks|pdjax|tests)/[^`]*\.\w+)`", text):
+        assert "NAME" in target or (ROOT / target).exists(), target
+    for target in re.findall(r"`(results/[^`]*\.\w+)`", text):
+        assert "NAME" in target or (ROOT / "benchmarks" / target).exists(), target
+    for target in re.findall(r"\]\(([^)]+)\)", text):
+        path, _, place = target.partition("#")
+        linked = (file.parent / path).resolve() if path else file
+        assert linked.exists(), target
+        if place:
+            assert place in {anchor(h) for h in re.findall(r"^#+ (.*)$", linked.read_text(), flags=re.M)}, target
+
+
+def test_the_notebooks_of_the_tasks_exist():
+    table = TEXTS[README].split("\n## What you can do\n")[1].split("\n## ")[0]
+    named = {
+        name
+        for line in table.splitlines()
+        if line.startswith("| ")
+        for name in re.findall(r"`(\w+)`", line.split(" | ")[2])
+    }
+    assert named and named <= {path.stem for path in (ROOT / "notebooks").glob("*.ipynb")}
+
+
+@pytest.mark.parametrize("file", TEXTS, ids=["README.md", "benchmarks/README.md"])
+def test_public_names_in_the_text_exist(file):
+    for dotted in set(re.findall(r"\bpd\.([A-Za-z_][\w.]*\w)", TEXTS[file])):
+        found = pd
+        for name in dotted.split("."):
+            found = getattr(found, name)
+
+
+def test_the_tables_that_additions_go_into_exist():
+    rows = re.findall(r"^\| (.+) \| `(.+)` \| `(\w+)` in `pdjax/(.+)\.py` \|$", TEXTS[README], flags=re.M)
+    assert len(rows) == 6
+    for _, file, table, module in rows:
+        home = importlib.import_module("pdjax." + module.replace("/", ".").removesuffix(".__init__"))
+        assert hasattr(home, table)
+        assert (ROOT / file).parent.is_dir()
 
 
 def test_set_up_commands_are_what_ci_runs():
     ci = (ROOT / ".ci" / "run").read_text()
     for words in ('pip install --quiet -e ".[test', "python -m pytest", "pdjax map"):
         assert words in ci
-    assert 'pip install -e ".[test]" && python -m pytest' in TEXT
+    assert 'pip install -e ".[test]" && python -m pytest' in TEXTS[README]
 
 
-@pytest.mark.parametrize("command", [*COMMANDS, *SHOWN])
+@pytest.mark.parametrize("command", ALL_COMMANDS)
 def test_every_command_is_one(command):
-    parser().parse_args(shlex.split(command)[1:])
+    parser().parse_args(shlex.split(command, comments=True)[1:])
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("command", COMMANDS)
+@pytest.mark.parametrize("command", TO_RUN)
 def test_every_command_runs(command, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert main(shlex.split(command)[1:]) == 0
 
 
 if __name__ == "__main__":
-    (ROOT / "README.md").write_text(with_tables(TEXT))
+    STUDIES.write_text(with_tables(TEXTS[STUDIES]))
+    print("the rows of the README's table of models are", *model_rows(), sep="\n")

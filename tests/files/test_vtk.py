@@ -1,4 +1,4 @@
-"""Motions for other programs and for the eye: VTK series, animations, figures."""
+"""VTK files of bodies and results, animations and figures of motions."""
 
 import importlib.util
 import json
@@ -20,7 +20,7 @@ def plate():
 
 
 @pytest.mark.skipif(importlib.util.find_spec("meshio") is None, reason="needs meshio")
-def test_vtk_holds_what_was_computed(plate, tmp_path):
+def test_vtk_files_hold_the_computed_fields(plate, tmp_path):
     import meshio
 
     scene, history = plate
@@ -32,7 +32,7 @@ def test_vtk_holds_what_was_computed(plate, tmp_path):
     assert np.array_equal(last.points[:, :2], scene.body.positions) and not last.points[:, 2].any()
     assert np.array_equal(last.point_data["displacement"][:, :2], history.u[-1])
     assert np.array_equal(last.point_data["label"].reshape(-1), energy[-1])
-    assert len(list(tmp_path.iterdir())) == len(listed) + 1  # nothing half-written beside them
+    assert len(list(tmp_path.iterdir())) == len(listed) + 1  # no incomplete files remain
     with pytest.raises(ValueError, match="field label must have shape"):
         write_vtk(scene, history, tmp_path / "run", {"label": energy[:2]})
     with pytest.raises(FileNotFoundError):
@@ -57,7 +57,7 @@ def test_tensors_have_nine_components_and_vectors_three(plate, tmp_path):
 
 
 @MESHIO
-def test_vtk_itself_reads_them(plate, tmp_path):
+def test_the_vtk_library_reads_the_files(plate, tmp_path):
     vtk = pytest.importorskip("vtk")
     scene, _ = plate
     reader = vtk.vtkXMLUnstructuredGridReader()
@@ -100,19 +100,19 @@ def test_equilibria_paths_points_families_and_scenes_can_be_written(tmp_path):
         (lambda scene, path: write_vtk(scene, None, path, {"a": np.zeros(3)}), "field a must have shape"),
     ],
 )
-def test_what_can_not_be_written_is_said(plate, tmp_path, call, words):
+def test_wrong_arguments_of_write_vtk_are_refused(plate, tmp_path, call, words):
     with pytest.raises(ValueError, match=words):
         call(plate[0], tmp_path / "x")
     assert not list(tmp_path.iterdir())
 
 
-def test_without_meshio_it_says_what_to_install(plate, tmp_path, monkeypatch):
+def test_without_meshio_the_error_says_what_to_install(plate, tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "meshio", None)
     with pytest.raises(ImportError, match="pip install meshio"):
         write_vtk(*plate, tmp_path / "run")
 
 
-def test_fields_that_were_not_kept(plate, tmp_path):
+def test_a_history_without_fields_is_refused(plate, tmp_path):
     scene, _ = plate
     bare = pd.simulate(pd.motion(scene, start=scene.closed_form), 4.0, dt=0.5, fields=False, show_progress=False)
     assert bare.u.shape == (1, 72, 2) and len(bare.times) == 9
@@ -129,7 +129,7 @@ def test_animation_has_a_frame_for_every_save(plate, tmp_path):
     with Image.open(path) as film:
         assert film.n_frames == len(history.times)
     assert [p.name for p in tmp_path.iterdir()] == ["run.gif"]
-    with pytest.raises(ValueError, match=r"\.gif or an \.mp4"):
+    with pytest.raises(ValueError, match=r"path must end in \.gif or \.mp4"):
         pd.figures.animation(scene, history, tmp_path / "run.avi")
     if shutil.which("ffmpeg") is None:
         with pytest.raises(ValueError, match="needs the program ffmpeg"):
@@ -147,7 +147,7 @@ def test_figures_of_motion_draw_the_numbers():
     figure = pd.figures.cuboid(runs, "title", field)
     assert np.allclose(figure.axes[0].lines[0].get_xdata(), 100 * k)
     assert sum(bool(a.images) for a in figure.axes) == 3
-    field["u"] = np.outer(np.linspace(0, 1, 30), [1.0, 0.5, 1e-13])  # rounding is drawn on the scale of what moves
+    field["u"] = np.outer(np.linspace(0, 1, 30), [1.0, 0.5, 1e-13])  # rounding is drawn on the largest scale
     figure = pd.figures.cuboid(runs, "title", field)
     limits = {a.images[0].get_clim() for a in figure.axes if a.images}
     assert len(limits) == 1 and "zero to rounding: u_z" in figure.subfigs[1].get_suptitle()

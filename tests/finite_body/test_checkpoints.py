@@ -1,4 +1,4 @@
-"""Long runs that stop on the way: nothing is lost, and nothing is picked up that belongs elsewhere."""
+"""Checkpoints: a stopped run continues without loss, and the checkpoint of another run is refused."""
 
 import errno
 import signal
@@ -30,18 +30,18 @@ def same(one, other):
     return all(np.array_equal(a, b) for a, b in pairs)
 
 
-def test_resumed_is_uninterrupted_bit_for_bit(tmp_path):
+def test_a_resumed_run_equals_an_uninterrupted_run_bit_for_bit(tmp_path):
     motion, path = driven_bar(), tmp_path / "run.npz"
     watch = {"tip": pd.observers.probe([7]), "cut": pd.observers.section_force(motion.scene.body, 7.0)}
     whole = pd.simulate(motion, 8.0, observers=watch, **RUN)
     pd.simulate(motion, 3.0, observers=watch, checkpoint=path, checkpoint_every=2, **RUN)
     resumed = pd.simulate(motion, 8.0, observers=watch, checkpoint=path, resume=True, **RUN)
     assert same(whole, resumed) and len(whole.times) == 21
-    again = pd.simulate(motion, 8.0, observers=watch, checkpoint=path, resume=True, **RUN)  # nothing left to do
+    again = pd.simulate(motion, 8.0, observers=watch, checkpoint=path, resume=True, **RUN)  # no step is left
     assert same(whole, again)
 
 
-def test_an_interrupt_keeps_what_was_saved(tmp_path, monkeypatch):
+def test_an_interrupted_run_resumes_from_its_checkpoint(tmp_path, monkeypatch):
     motion, path = driven_bar(), tmp_path / "run.npz"
     original, calls = run._go_on, []
 
@@ -83,8 +83,8 @@ def test_a_checkpoint_of_another_run_is_refused(tmp_path, change, words):
     assert path.read_bytes() == before
 
 
-def test_schedules_told_apart_by_what_they_do(tmp_path):
-    """Two functions of the same code whose closures differ are different runs."""
+def test_a_checkpoint_distinguishes_schedules_by_what_they_compute(tmp_path):
+    """Two functions with the same code and different closures make different runs."""
     path = tmp_path / "run.npz"
 
     def made(rate):
@@ -97,7 +97,7 @@ def test_schedules_told_apart_by_what_they_do(tmp_path):
         pd.simulate(made(0.2), 4.0, checkpoint=path, resume=True, **RUN)
 
 
-def test_files_that_are_no_checkpoint(tmp_path, monkeypatch):
+def test_files_that_are_not_checkpoints_are_refused(tmp_path, monkeypatch):
     motion, path = driven_bar(), tmp_path / "run.npz"
     with pytest.raises(FileNotFoundError, match="no checkpoint at"):
         pd.simulate(motion, 2.0, checkpoint=path, resume=True, **RUN)
@@ -115,7 +115,7 @@ def test_files_that_are_no_checkpoint(tmp_path, monkeypatch):
         pd.simulate(motion, 2.0, checkpoint=tmp_path / "nowhere" / "x.npz", **RUN)
 
 
-def test_a_full_disk_costs_a_warning_and_no_result(tmp_path, monkeypatch):
+def test_a_full_disk_gives_a_warning_and_the_run_finishes(tmp_path, monkeypatch):
     motion, path = driven_bar(), tmp_path / "run.npz"
     pd.simulate(motion, 2.0, checkpoint=path, **RUN)
     before = path.read_bytes()
@@ -145,7 +145,7 @@ pd.simulate(motion, 1e7, dt=0.1, save_every=4, checkpoint={path!r}, show_progres
 
 
 def test_a_killed_run_leaves_a_valid_checkpoint(tmp_path):
-    """SIGKILL in the midst of writing one checkpoint after another: the last is whole, and can be gone on from."""
+    """SIGKILL while the run writes one checkpoint after another: the last one is whole, and the run can continue."""
     path = tmp_path / "run.npz"
     code = KILLED.format(tests=str(Path(__file__).parent), path=str(path))
     child = subprocess.Popen([sys.executable, "-c", code])
@@ -168,10 +168,10 @@ def test_a_killed_run_leaves_a_valid_checkpoint(tmp_path):
     assert same(pd.simulate(motion, duration, **RUN), resumed)
 
 
-def test_a_checkpoint_that_is_there_is_kept(tmp_path):
+def test_an_existing_checkpoint_is_kept(tmp_path):
     motion, path = driven_bar(), tmp_path / "run.npz"
     pd.simulate(motion, 2.0, checkpoint=path, **RUN)
     first = path.read_bytes()
-    with pytest.warns(UserWarning, match=r"is kept as .*run\.npz\.old; to go on from it, resume=True"):
+    with pytest.warns(UserWarning, match=r"is kept as .*run\.npz\.old; to continue from it, pass resume=True"):
         pd.simulate(motion, 2.0, checkpoint=path, **RUN)
     assert (tmp_path / "run.npz.old").read_bytes() == first

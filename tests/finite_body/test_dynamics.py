@@ -1,4 +1,4 @@
-"""Motions against what linear theory, conservation, reversal and other integrators say of them."""
+"""Motions compared with linear theory, conservation laws, time reversal and other integrators."""
 
 import warnings
 
@@ -27,7 +27,7 @@ def free_bar(m=0.3, n=14, size=0.02):
 
 
 def driven_bar(damping=0.2, m=1.0, n=14, ramp=pd.SmoothRamp):
-    """A bar held at one end, moved at the other, loaded between, damped: every term of the budget at work."""
+    """A damped bar, held at one end, moved at the other and loaded between: no term of the energy budget is zero."""
     body = pd.bar(n, float(n))
     fams = pd.families(body, 2.0)
     held = pd.prescribe([0, 1], 0.0), pd.prescribe([n - 2, n - 1], [[0.4], [0.5]])
@@ -51,7 +51,7 @@ def final(motion, duration, dt):
 
 @pytest.fixture(scope="module")
 def exact():
-    """The driven bar at t = 5, within its ramp, by an eighth-order method."""
+    """The driven bar at t = 5, before its ramp ends, by a method of eighth order."""
     history = pd.simulate_diffrax(driven_bar(), 5.0, solver=diffrax.Dopri8(), rtol=1e-13, dt=0.01, saves=4)
     return np.concatenate([history.u[-1], history.v[-1]])
 
@@ -76,7 +76,7 @@ def test_verlet_runs_backwards_to_rounding():
     assert worst(home.u[-1], motion.start) < 1e-12 * moved  # measured 2e-14 / 4e-2
     damped = pd.motion(motion.scene, motion.density, damping=1e-3, start=there.u[-1], velocity=-there.v[-1])
     lost = pd.simulate(damped, 40.0, dt=0.4, show_progress=False)
-    assert worst(lost.u[-1], motion.start) > 1e-4 * moved  # what a damped motion forgets
+    assert worst(lost.u[-1], motion.start) > 1e-4 * moved  # a damped motion is not reversible
 
 
 def test_energy_error_stays_bounded_over_1e5_steps():
@@ -92,7 +92,7 @@ def test_energy_error_stays_bounded_over_1e5_steps():
 
 @pytest.mark.parametrize("make", [driven_bar, ramped_lattice, free_bar])
 def test_budget_of_energy_closes_at_second_order(make):
-    """Kinetic + strain − works + losses is constant but for Δt²: no term is missing."""
+    """Kinetic energy + strain energy − works + losses is constant up to O(Δt²), so no term is missing."""
     motion = make()
     errors = []
     for dt in (0.1, 0.05, 0.025):
@@ -117,7 +117,7 @@ def test_momentum_of_a_free_body_is_kept():
     assert np.abs(spin[0]) > 0.1
 
 
-def test_supports_move_as_told():
+def test_supports_follow_the_schedule():
     motion = driven_bar(ramp=pd.Ramp)
     history = pd.simulate(motion, 8.0, show_progress=False)
     factor = np.clip(history.times / 6.0, 0, 1)
@@ -127,7 +127,7 @@ def test_supports_move_as_told():
     assert worst(history.v[during, -1, 0] - 0.5 / 6) < 1e-14
 
 
-def test_damping_brings_it_to_the_static_solution():
+def test_a_damped_motion_ends_in_the_static_solution():
     motion = driven_bar(damping=0.3)
     rest = pd.solve(motion.scene)
     history = pd.simulate(
@@ -144,11 +144,11 @@ def test_damping_brings_it_to_the_static_solution():
     assert worst(history.u[-1], rest.u) < 1e-10  # measured 4e-13
     seen = {name: values[-1].item() for name, values in history.observed.items()}
     assert seen["left"] + seen["right"] == pytest.approx(0.04, abs=1e-10)  # supports carry the load of −0.04
-    assert seen["cut"] == pytest.approx(seen["right"], abs=1e-10)  # nothing pulls between cut and end
+    assert seen["cut"] == pytest.approx(seen["right"], abs=1e-10)  # no load acts between the section and the end
     assert seen["tip"] == pytest.approx(float(rest.u[7, 0]), abs=1e-10)
 
 
-def test_critical_step_is_that_of_the_spectrum():
+def test_critical_time_step_is_two_over_the_largest_frequency():
     motion = free_bar()
     fixed = motion.scene
     J = np.asarray(pd.jacobian(fixed.model, fixed.families, motion.start, "dense"))
@@ -197,7 +197,7 @@ def test_symplectic_euler_conserves_energy_and_has_order_one():
         pd.symplectic_terms(driven_bar())
 
 
-def test_verlet_and_diffrax_observe_alike():
+def test_observers_of_verlet_and_diffrax_agree():
     motion = driven_bar()
     watch = {"cut": pd.observers.section_force(motion.scene.body, 7.0), "left": pd.observers.reaction([0, 1])}
     ours = pd.simulate(motion, 8.0, dt=0.005, save_every=400, observers=watch, show_progress=False)
@@ -238,7 +238,7 @@ def test_gradients_through_time_equal_central_differences():
         assert float(also) == pytest.approx(float(got), rel=1e-12)
 
 
-def test_traced_runs_are_the_watched_ones():
+def test_traced_runs_equal_monitored_runs():
     plain = float(end(1.0))
     assert float(jax.jit(end)(1.0)) == pytest.approx(plain, rel=1e-13)
     many = jax.vmap(end)(jnp.array([0.8, 1.0]))
@@ -252,11 +252,11 @@ def test_memory_of_the_gradient_grows_as_the_root_of_the_steps():
         return work.lower(0.3).compile().memory_analysis().temp_size_in_bytes
 
     small, large = bytes_of(64), bytes_of(1024)
-    assert large < 4 * small  # 16 times the steps: measured 1.3; every state kept would make it 16
+    assert large < 4 * small  # 16 times the steps: measured 1.3; it would be 16 if every state were kept
 
 
 @pytest.mark.long
-def test_diffrax_gradient_agrees():
+def test_gradient_of_a_diffrax_run_equals_its_central_difference():
     def theirs(m):
         base = driven_bar(m=m)
         return pd.simulate_diffrax(base, 8.0, dt=0.1, saves=1, solver=diffrax.Dopri5(), max_steps=256).u[-1, 7, 0]
@@ -265,8 +265,8 @@ def test_diffrax_gradient_agrees():
     assert float(jax.grad(theirs)(1.0)) == pytest.approx(float(theirs(1 + e) - theirs(1 - e)) / (2 * e), rel=1e-6)
 
 
-def test_no_compile_for_new_values():
-    """A new material constant, density, start or step runs what was compiled."""
+def test_new_values_do_not_recompile():
+    """A new material constant runs the program that was compiled before."""
     count = []
     original = verlet.step
 
@@ -287,7 +287,7 @@ def test_no_compile_for_new_values():
 # --- failure ------------------------------------------------------------------------------------------------------
 
 
-def test_a_step_above_the_critical_one_is_warned_of_and_reported():
+def test_a_step_above_the_critical_one_gives_a_warning_and_a_failure():
     motion = pd.scenes.wave(24, 3, None, 1e-4, pd.SethHill(1.0, BAR))
     critical = pd.critical_time_step(motion)
     with pytest.warns(UserWarning, match=f"above the critical time step {critical:.6g}"):
@@ -303,8 +303,8 @@ def test_a_step_above_the_critical_one_is_warned_of_and_reported():
         pd.simulate(motion, 2000.0, dt=1.03 * critical, save_every=20, show_progress=False, throw=True)
 
 
-def test_a_bond_that_collapses_is_said_with_time_and_place():
-    """Two points run into each other: a value that is not finite, from a motion whose step is small enough."""
+def test_a_collapsing_bond_is_reported_with_time_and_place():
+    """Two points collide, so a value is not finite although the time step is small enough."""
     body = pd.bar(6, 6.0)
     velocity = np.zeros((6, 1))
     velocity[2], velocity[3] = 40.0, -40.0
@@ -356,12 +356,12 @@ def test_bad_input_is_named(work, words):
         work(driven_bar().scene)
 
 
-def test_a_run_far_beyond_its_duration_is_said():
+def test_a_run_far_beyond_its_duration_gives_a_warning():
     with pytest.warns(UserWarning, match=r"goes on to t = 100, beyond the duration 8: .* save_every = 1000 steps"):
         history = pd.simulate(pd.motion(driven_bar().scene), 8.0, dt=0.1, save_every=1000, show_progress=False)
     assert history.times[-1] == pytest.approx(100.0)
 
 
-def test_works_that_are_not_tracked_are_said_to_be():
+def test_history_says_that_works_are_not_tracked():
     history = pd.simulate_diffrax(pd.motion(driven_bar().scene, damping=0.1), 1.0, dt=0.1, saves=2)
     assert "works are not tracked" in str(history) and "nan" not in str(history)

@@ -1,4 +1,4 @@
-"""What a review by a numerical analyst found in the dynamics, held."""
+"""Edge cases of the dynamics, found in a review by a numerical analyst."""
 
 import functools
 import warnings
@@ -25,14 +25,14 @@ def loaded(**how):
 
 
 @pytest.mark.parametrize(("schedule", "save_every"), [(pd.Ramp(3.0), 1), (lambda t: jnp.where(t > 30, 1.0, 0.0), 61)])
-def test_a_load_that_comes_is_no_energy_without_cause(schedule, save_every):
-    """At the first loaded step matter moves before the load has done any work."""
+def test_a_load_that_begins_during_a_run_does_not_stop_it(schedule, save_every):
+    """In the first loaded step the points gain velocity before the sum of the work of the load contains it."""
     assert pd.simulate(loaded(schedule=schedule), 60.0, dt=0.5, save_every=save_every, **QUIET).finished
 
 
 @pytest.mark.parametrize("share", [0.99])
-def test_waves_next_to_the_critical_step_are_let_run(share):
-    """Their energy swings by 1/(1 − share²) of itself; Verlet keeps its own."""
+def test_waves_just_below_the_critical_step_run_to_the_end(share):
+    """Their energy varies by the factor 1/(1 − share²), but the energy that Verlet conserves is constant."""
     wave = pd.scenes.wave(24, 3, 2 * np.pi * 3 / 24, 1e-6, pd.SethHill(1.0, BAR))
     motion = pd.motion(wave.scene, velocity=wave.start)
     history = pd.simulate(motion, 2000.0, dt=share * pd.critical_time_step(motion), save_every=1, **QUIET)
@@ -41,8 +41,8 @@ def test_waves_next_to_the_critical_step_are_let_run(share):
 
 
 @pytest.mark.parametrize(("m", "share", "every"), [(-1.0, 1.5, 50), (-3.0, 1.05, 50)])
-def test_a_blow_up_by_the_step_is_blamed_on_the_step(m, share, every):
-    """Where it ends, bonds may have gone soft: the start's critical step is not forgotten."""
+def test_an_instability_caused_by_the_step_is_attributed_to_the_step(m, share, every):
+    """The bonds may be softer at the end of the run, so the critical step of the start counts too."""
     body = pd.bar(8, 8.0)
     start = 0.01 * np.random.default_rng(1).normal(size=(8, 1))
     motion = pd.motion(pd.scene(body, pd.families(body, 2.0), pd.SethHill(m, BAR), moving=True), start=start)
@@ -52,7 +52,7 @@ def test_a_blow_up_by_the_step_is_blamed_on_the_step(m, share, every):
     assert not history.finished and "is above the critical step" in history.reason
 
 
-def test_a_model_without_an_energy_is_watched_too():
+def test_a_model_without_an_energy_is_monitored_too():
     class Springs(pd.AbstractModel):
         hyperelastic = False
 
@@ -78,7 +78,7 @@ LOOKS = {
 
 
 @pytest.mark.parametrize("kind", ["closure", "partial", "name"])
-def test_a_checkpoint_knows_what_functions_do(kind, tmp_path):
+def test_a_checkpoint_distinguishes_observers_by_what_they_compute(kind, tmp_path):
     make, here, there = LOOKS[kind]
     how = {"dt": 0.1, "save_every": 4, "checkpoint": tmp_path / "x.npz", **QUIET}
     pd.simulate(loaded(), 2.0, observers={"x": make(here)}, **how)
@@ -87,7 +87,7 @@ def test_a_checkpoint_knows_what_functions_do(kind, tmp_path):
         pd.simulate(loaded(), 4.0, observers={"x": make(there)}, resume=True, **how)
 
 
-def test_a_checkpoint_knows_the_law(tmp_path):
+def test_a_checkpoint_distinguishes_laws(tmp_path):
     def motion(k):
         body = pd.bar(8, 8.0)
         law = pd.EnergyLaw(lambda E, c: 0.5 * k * jnp.sum(E * E), "E", {})
@@ -103,8 +103,8 @@ def test_a_checkpoint_knows_the_law(tmp_path):
     assert shorter.times[-1] == pytest.approx(2.0) and shorter.steps == 20
 
 
-def test_a_traced_run_that_dies_is_nan():
-    """Two points run into each other: under jit nobody watches, so no finite number may come out."""
+def test_a_traced_run_is_nan_after_a_value_is_not_finite():
+    """Two points collide. Under jit the run is not monitored, so its results must not be finite numbers."""
     body = pd.bar(6, 6.0)
     velocity = np.zeros((6, 1))
     velocity[2], velocity[3] = 40.0, -40.0
@@ -119,7 +119,7 @@ def test_a_traced_run_that_dies_is_nan():
     assert worst(history.times, 0.1 * np.arange(11)) < 1e-12
 
 
-def test_budgets_of_a_batch_are_each_their_own():
+def test_energy_budgets_of_a_batch_equal_those_of_single_runs():
     def error(m):
         return pd.simulate(driven_bar(m=m), 4.0, dt=0.1, save_every=10).energies
 
@@ -128,7 +128,7 @@ def test_budgets_of_a_batch_are_each_their_own():
         assert worst(many.error[k], error(m).error) < 1e-12
 
 
-def test_what_is_closed_over_or_observed_may_be_differentiated():
+def test_closed_over_motions_observers_and_schedules_are_differentiable():
     base = loaded(schedule=pd.Ramp(3.0))
     inside = jax.jit(lambda x: x * pd.simulate(base, 5.0, dt=0.5).u[-1].sum())(1.0)
     assert float(inside) == pytest.approx(float(pd.simulate(base, 5.0, dt=0.5, **QUIET).u[-1].sum()), rel=1e-12)
@@ -145,7 +145,7 @@ def test_what_is_closed_over_or_observed_may_be_differentiated():
 
     assert float(jax.grad(seen)(2.0)) == pytest.approx(float(seen(1.0)), rel=1e-12)
 
-    def slow(duration):  # its own step, under grad; the corner of the ramp lies between two steps
+    def slow(duration):  # with the default step, under grad; the kink of the ramp lies between two steps
         return pd.simulate(loaded(schedule=pd.Ramp(duration)), 5.0, **QUIET).u[-1, 4, 0]
 
     central = float(slow(3.02 + 1e-5) - slow(3.02 - 1e-5)) / 2e-5
@@ -153,7 +153,7 @@ def test_what_is_closed_over_or_observed_may_be_differentiated():
 
 
 def test_diffrax_from_a_start_of_zero():
-    """Loads alone, or a velocity alone: tolerances are not zero."""
+    """With loads alone or a velocity alone the default tolerances are not zero."""
     for motion in (loaded(schedule=pd.Ramp(3.0)), pd.motion(loaded().scene, velocity=np.full((8, 1), 1e-3))):
         exact = pd.simulate(motion, 4.0, dt=0.01, save_every=400, **QUIET).u[-1]
         for how in ({"rtol": 1e-6}, {"solver": diffrax.Kvaerno3(), "dt": 0.1}):
@@ -161,7 +161,7 @@ def test_diffrax_from_a_start_of_zero():
             assert found.finished and worst(found.u[-1], exact) < 1e-2 * worst(exact)
 
 
-def test_diffrax_compiles_nothing_for_new_values():
+def test_diffrax_does_not_recompile_for_new_values():
     def run(m):
         return pd.simulate_diffrax(driven_bar(m=m), 1.0, dt=0.25, saves=1, solver=diffrax.Heun())
 
@@ -181,7 +181,7 @@ def test_diffrax_compiles_nothing_for_new_values():
     assert not counted
 
 
-def test_a_root_finder_of_ones_own_is_kept(monkeypatch):
+def test_a_root_finder_given_by_the_user_is_kept(monkeypatch):
     seen = []
     from pdjax.finite_body.dynamics import terms
 
@@ -192,24 +192,24 @@ def test_a_root_finder_of_ones_own_is_kept(monkeypatch):
     assert seen == [mine]
 
 
-def test_diffrax_that_runs_out_says_how_far_it_came():
+def test_diffrax_out_of_steps_reports_the_last_save():
     history = pd.simulate_diffrax(loaded(), 100.0, dt=0.1, max_steps=500, saves=10)
     assert not history.finished and np.isfinite(history.u).all()
     assert history.times[-1] == pytest.approx(40.0, abs=10.1) and history.failure.step == 500
 
 
-def test_steps_of_a_body_that_nothing_resists():
+def test_a_body_without_stiffness_needs_a_given_time_step():
     body = pd.bar(8, 8.0)
     soft = pd.scene(body, pd.families(body, 2.0), pd.SethHill(1.0, pd.LinearElastic(lam=0.0, mu=0.0)), moving=True)
     motion = pd.motion(soft, velocity=np.ones((8, 1)))
     assert pd.critical_time_step(motion) == np.inf
     history = pd.simulate(motion, 2.0, dt=0.1, **QUIET)
     assert history.finished and worst(history.u[-1], np.full((8, 1), 2.0)) < 1e-12
-    with pytest.raises(ValueError, match="nothing resists"):
+    with pytest.raises(ValueError, match="no stiffness at the start"):
         pd.simulate(motion, 2.0, **QUIET)
 
 
-def test_short_runs_still_have_steps():
+def test_short_runs_have_at_least_100_steps():
     assert pd.simulate(loaded(schedule=pd.SmoothRamp(3.0)), 2.0, **QUIET).steps >= 100
 
 

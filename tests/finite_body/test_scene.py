@@ -1,4 +1,4 @@
-"""Scenes: what is held and what is loaded, the reduced system, and every bad problem refused by name."""
+"""Scenes: supports and loads, the reduced system, and errors that name what is wrong with a problem."""
 
 import functools
 
@@ -22,7 +22,7 @@ AROUND = pd.families(PLATE, 2.0)
 
 @functools.cache
 def cloud(name):
-    """A cloud of 15 points with unequal volumes: some held, one of them in y alone, some loaded."""
+    """A cloud of 15 points with unequal volumes. Four points are held, one of them only in y; some are loaded."""
     rng = bodies.random(40)
     return pd.scene(
         bodies.points(2, "cloud"),
@@ -37,7 +37,7 @@ def cloud(name):
 
 @functools.cache
 def box():
-    """A periodic box under a mean deformation, one point held, two pulled apart."""
+    """A periodic box under a mean deformation; one point is held and two are pulled apart."""
     body = pd.lattice((6, 7), 0.5, periodic=True)
     b = np.array([[0.3, -0.2], [-0.3, 0.2]])
     mean = bodies.deformation(2, 41)
@@ -47,7 +47,7 @@ def box():
 
 
 def selection(scene):
-    """S by hand: a row of the identity for each free component."""
+    """The selection matrix S of `cloud`, written by hand: a row of the identity for each free component."""
     held = np.zeros((15, 2), dtype=bool)
     held[[0, 1, 5]] = True
     held[9, 1] = True
@@ -57,8 +57,8 @@ def selection(scene):
 # ---------------------------------------------------------------- elimination
 
 
-def test_free_and_held_components_go_where_they_belong():
-    """u = λ û + Sᵀ q, component by component."""
+def test_displacement_takes_free_and_held_components_from_their_places():
+    """u = λ û + Sᵀ q holds for every component."""
     scene, rng = cloud("seth_hill m=1"), bodies.random(40)
     q = bodies.random(42).normal(size=23)
     held = 0.05 * rng.normal(size=(3, 2))
@@ -70,7 +70,7 @@ def test_free_and_held_components_go_where_they_belong():
 
 
 def test_loads_add_up_and_the_total_is_the_force_given():
-    """Σ V b is the sum of the forces, and b is even over the points of a total force."""
+    """Σ V b is the sum of the forces. A total force gives the same b to all of its points."""
     scene, rng = cloud("seth_hill m=1"), bodies.random(40)
     rng.normal(size=(3, 2))
     b, V = 0.1 * rng.normal(size=(3, 2)), bodies.points(2, "cloud").volumes
@@ -84,7 +84,7 @@ def test_loads_add_up_and_the_total_is_the_force_given():
     assert worst(both.load[3:8, 0], np.array([0, 1, 3.5, 1.5, 0])) == 0
 
 
-def test_a_mask_names_the_points_that_are_true():
+def test_a_mask_selects_the_points_that_are_true():
     by_mask = pd.scene(BAR, NEAR, SVK, pd.prescribe(BAR.positions[:, 0] < 2, 0.5))
     assert np.array_equal(np.flatnonzero(~by_mask.free[:, 0]), [0, 1])
     assert worst(by_mask.prescribed[:3, 0], np.array([0.5, 0.5, 0])) == 0
@@ -102,8 +102,8 @@ def test_mean_deformation_grows_with_the_load_factor():
 
 
 @pytest.mark.parametrize("name", KINDS)
-def test_reduced_matrix_is_that_of_the_dense_jacobian(name):
-    """A = S V J Sᵀ, symmetric where there is an energy; A v by JVP is the same."""
+def test_reduced_matrix_equals_that_of_the_dense_jacobian(name):
+    """A = S V J Sᵀ. A is symmetric for a model with an energy, and A v by JVP is the same product."""
     scene, u = cloud(name), jnp.asarray(bodies.displacement(2, "cloud", 43))
     J = np.asarray(bodies.respond(MODELS[name], bodies.families(2, "cloud"), u).jacobian)
     S, V = selection(scene), np.diag(np.repeat(bodies.points(2, "cloud").volumes, 2))
@@ -123,8 +123,8 @@ def test_reduced_matrix_is_that_of_the_dense_jacobian(name):
 
 
 @pytest.mark.parametrize("make", [lambda: cloud("seth_hill m=0"), lambda: cloud("correspondence svk"), box])
-def test_rates_with_the_load_by_central_differences(make):
-    """∂r/∂λ of the residual, dA/dλ of the matrix, along a path whose held points, load and mean all change."""
+def test_load_rates_of_residual_and_matrix_equal_central_differences(make):
+    """∂r/∂λ and dA/dλ along a path on which the held points, the loads and the mean deformation change."""
     scene, h = make(), 1e-5
     rng = bodies.random(45)
     q = jnp.asarray(0.02 * rng.normal(size=len(scene.unknowns)))
@@ -142,16 +142,16 @@ def test_rates_with_the_load_by_central_differences(make):
     assert worst(rate, (up - down) / (2 * h)) / worst(rate) < 1e-8  # measured 5e-10
 
 
-def test_unbalanced_forces_of_a_free_body_sum_to_the_applied_ones():
-    """Σ V f = 0 for any displacement: only the load is left, reactions included."""
+def test_unbalanced_forces_of_all_points_sum_to_the_applied_ones():
+    """Σ V f = 0 for any displacement, so only the applied load remains in the sum over all points."""
     scene = cloud("seth_hill m=0")
     forces = scene.unbalanced(jnp.asarray(bodies.displacement(2, "cloud", 46)), 0.8)
     applied = 0.8 * bodies.points(2, "cloud").volumes @ np.asarray(scene.load)
     assert worst(np.asarray(forces).sum(axis=0), applied) < 1e-13  # measured 2e-16
 
 
-def test_factor_counts_and_solves_as_dense_algebra_does():
-    """Pivot signs are eigenvalue signs, at an indefinite state; the solve is NumPy's."""
+def test_matrix_factorisation_counts_and_solves_as_dense_algebra_does():
+    """At an indefinite state the pivots have the signs of the eigenvalues, and the solution equals NumPy's."""
     scene = cloud("seth_hill m=1")
     u = jnp.asarray(-0.4 * bodies.points(2, "cloud").positions)
     A = reduced.matrix(scene, u)
@@ -172,7 +172,7 @@ def test_factor_counts_and_solves_as_dense_algebra_does():
 
 @pytest.mark.parametrize("m, N", [(1.0, 3), (0.0, 2)])
 def test_exact_traction_of_a_bar_sums_to_its_stress(m, N):
-    """Σ V b = P N over a layer of 2N, by the law's own P; one ring less does not carry it."""
+    """Σ V b = P N over a layer of 2N points, with P from the law. A layer of N points does not balance the stress."""
     e, h = -0.2, 0.25
     P = (1 + e) * (e + e * e / 2) * 2.7 if m == 1 else np.log1p(e) / (1 + e) * 2.7  # E = λ + 2μ in 1D
     body = pd.bar(17, 17 * h)
@@ -194,10 +194,10 @@ def test_exact_traction_of_a_bar_sums_to_its_stress(m, N):
 
 @pytest.mark.parametrize("name", ["seth_hill m=-0.7", "correspondence neo-hookean"])
 def test_exact_traction_of_a_face_sums_to_p_n_a(name):
-    """Σ V b = P N A for a strip that is periodic along its face; P of a lattice family."""
+    """Σ V b = P N A for a strip that is periodic along its face, with P from a lattice family."""
     h, N = 0.5, 2
     body = pd.lattice((10, 7), h, periodic=(False, True))
-    F = jnp.array([[1.15, 0.0], [-0.2, 1.0]])  # nothing changes along the face: u is periodic
+    F = jnp.array([[1.15, 0.0], [-0.2, 1.0]])  # u does not change along the face, so it is periodic
     layer = body.positions[:, 0] > (10 - 2 * N) * h
     traction = pd.homogeneous_traction(layer, F)
     scene = pd.scene(body, pd.families(body, N * h), MODELS[name], pd.prescribe(body.positions[:, 0] < 1), traction)
@@ -205,8 +205,8 @@ def test_exact_traction_of_a_face_sums_to_p_n_a(name):
     assert worst(h**2 * np.asarray(scene.load).sum(axis=0), np.asarray(P)[:, 0] * 7 * h) < 1e-13  # measured 3e-16
 
 
-def test_traction_of_another_material():
-    """model= says whose stress is meant: twice the modulus, twice the load."""
+def test_traction_uses_the_stress_of_the_model_that_is_given():
+    """A model with twice the modulus gives twice the load."""
     one, two = (
         pd.scene(BAR, NEAR, SVK, pd.prescribe(0), pd.homogeneous_traction(np.arange(7, 11), [[1.1]], model)).load
         for model in (None, pd.SethHill(1.0, pd.LinearElastic(2.6, 1.4)))
@@ -234,7 +234,7 @@ HELD = pd.prescribe(0)
             r"nothing holds its rotation in the plane xy \(1 rigid",
         ),
         (lambda: pd.scene(PLATE, AROUND, SVK, pd.prescribe(np.arange(15), 0.0, 0)), "translation along y"),
-        (lambda: pd.scene(APART, pd.families(APART, 1.0), SVK, HELD), r"piece 2 of 2 \(the one of point 3\).*along x"),
+        (lambda: pd.scene(APART, pd.families(APART, 1.0), SVK, HELD), r"piece 2 of 2 \(it contains point 3\).*along x"),
         (lambda: pd.scene(CHAIN, ROUND, SVK, pd.body_force([3], 0.1)), "nothing holds its translation along x"),
         (lambda: pd.scene(CHAIN, ROUND, SVK, mean=[[1.1]]), "nothing holds its translation along x"),
         (lambda: pd.scene(BAR, NEAR, SVK, HELD, pd.body_force([0, 3], 0.1)), "component 0 of point 0 is prescribed"),
@@ -304,15 +304,15 @@ def test_bad_problems_are_refused_by_name(call, named):
 
 
 def test_two_points_hold_a_plate_unless_their_components_miss_the_rotation():
-    """Three components stop three rigid motions; the wrong three leave the rotation."""
-    good = [pd.prescribe(4), pd.prescribe([5], 0.0, 0)]  # points 4 and 5 differ in y: x holds the turn
+    """Three held components can stop three rigid motions, but a wrong choice of three leaves the rotation free."""
+    good = [pd.prescribe(4), pd.prescribe([5], 0.0, 0)]  # points 4 and 5 differ in y, so x stops the rotation
     assert len(pd.scene(PLATE, AROUND, SVK, *good).unknowns) == 27
     with pytest.raises(ValueError, match=r"rotation in the plane xy \(1 rigid"):
         pd.scene(PLATE, AROUND, SVK, good[0], pd.prescribe([5], 0.0, 1))
 
 
 def test_the_rotation_about_a_corner_is_named():
-    """A corner is held in both components: only the rotation about it is free."""
+    """A corner is held in both components, so only the rotation about it is free."""
     with pytest.raises(ValueError, match="rotation in the plane xy"):
         pd.scene(PLATE, AROUND, SVK, pd.prescribe(0), pd.prescribe([2], 0.0, 1))
 
@@ -325,7 +325,7 @@ def test_the_same_prescription_twice_is_no_contradiction():
     assert worst(split.prescribed[:2], np.array([[0.1, 0.2]] * 2)) == 0
 
 
-def test_every_piece_held_or_a_periodic_point_held_is_accepted():
+def test_a_scene_with_every_piece_held_or_one_point_of_a_periodic_body_held_is_accepted():
     two = pd.scene(APART, pd.families(APART, 1.0), SVK, pd.prescribe([0, 4]))
     assert len(two.unknowns) == 4
     ring = pd.scene(CHAIN, ROUND, SVK, pd.prescribe([2]), pd.body_force([3], 0.1), mean=[[1.1]])
@@ -333,7 +333,7 @@ def test_every_piece_held_or_a_periodic_point_held_is_accepted():
 
 
 def test_a_load_that_is_zero_where_held_is_accepted():
-    """Only a load that would do nothing is refused, component by component."""
+    """A load is refused only for held components in which it is not zero."""
     roller = pd.scene(PLATE, AROUND, SVK, pd.prescribe(0), pd.prescribe(2, 0.0, 0), pd.body_force([2], [0.0, 0.5]))
     assert worst(roller.load[2], np.array([0.0, 0.5])) == 0
     with pytest.raises(ValueError, match="component 0 of point 2 is prescribed and loaded"):
@@ -341,7 +341,7 @@ def test_a_load_that_is_zero_where_held_is_accepted():
 
 
 def test_a_mask_of_another_body_is_refused():
-    """A mask is as long as the body: one that is shorter would hold the wrong points without a word."""
+    """A mask must be as long as the body, because a shorter one would select the wrong points."""
     body = pd.bar(12, 12.0)
     fams, model = pd.families(body, 3.0), pd.SethHill(1.0, pd.LinearElastic(lam=1.0, mu=0.0))
     short, ends = np.arange(10) > 6, np.isin(np.arange(12), (0, 11))
@@ -381,7 +381,7 @@ def test_a_free_piece_far_from_the_origin_has_all_its_motions_named(shift):
         (lambda held: [held, pd.body_force([15], 0.01)], r"must be a vector \(2,\)"),
     ],
 )
-def test_what_is_no_condition_is_said(conditions, words):
+def test_arguments_that_are_no_conditions_are_refused(conditions, words):
     held = pd.prescribe([0, 1], 0.0)
     with pytest.raises(ValueError, match=words):
         pd.scene(MOVES, pd.families(MOVES, 2.0), pd.LPS(1.0, 1.0), *conditions(held))

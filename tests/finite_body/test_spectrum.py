@@ -1,4 +1,4 @@
-"""The body criterion: spectra of finite bodies by dense algebra, counts by inertia, critical loads by root finding."""
+"""Spectra of finite bodies against dense algebra, and critical loads against root finding."""
 
 import functools
 
@@ -18,7 +18,7 @@ SVK = pd.SethHill(1.0, LINEAR)
 
 
 class NoEnergy(pd.SethHill):
-    """A model that denies its energy."""
+    """A model with an energy that declares that it has none."""
 
     hyperelastic = False
 
@@ -35,7 +35,7 @@ def plate():
 
 @functools.cache
 def cloud():
-    """15 points of unequal volumes, three of them held."""
+    """15 points with unequal volumes; three of them are held."""
     X = bodies.points(2, "cloud").positions
     return pd.scene(
         bodies.points(2, "cloud"),
@@ -47,7 +47,7 @@ def cloud():
 
 
 def dense(scene, factor):
-    """V^½ ∂f/∂u V^-½ of the free components by a dense forward derivative of the force."""
+    """V^½ ∂f/∂u V^-½ on the free components, from a dense forward derivative of the force."""
     f = jax.jit(jax.jacfwd(lambda u: pd.force_density(scene.model, scene.families, u)))
     J = np.asarray(f(factor * scene.closed_form)).reshape(scene.prescribed.size, -1)
     root = np.sqrt(np.repeat(scene.body.volumes, scene.body.dim))
@@ -62,8 +62,8 @@ def dense(scene, factor):
 @pytest.mark.parametrize(
     "make, factor, positive", [(bar, 0.1, 1), (bar, 1.0, 3), (bar, 0.05, 0), (plate, 1.0, 36), (cloud, 1.0, None)]
 )
-def test_spectrum_is_that_of_the_dense_force_derivative(make, factor, positive):
-    """All eigenvalues by NumPy; the count by inertia, the largest by factors and by products alone."""
+def test_spectrum_equals_that_of_the_dense_force_derivative(make, factor, positive):
+    """NumPy gives all eigenvalues. Inertia must give their count, and every method the largest of them."""
     scene = make()
     H = dense(scene, factor)
     exact = np.linalg.eigvalsh((H + H.T) / 2)[::-1]
@@ -83,15 +83,15 @@ def test_spectrum_is_that_of_the_dense_force_derivative(make, factor, positive):
         assert found.residual / norm < 1e-13  # measured 1e-15
         assert found.verdict == ("unstable" if count else "stable")
         assert found.kind == ("saddle" if count else "minimum")
-        # the mode by itself: J v = λ v on the free components, 0 on the held
+        # The mode satisfies J v = λ v on the free components and is 0 on the held ones.
         root = np.sqrt(np.repeat(scene.body.volumes, scene.body.dim))[scene.unknowns]
         v = found.mode.reshape(-1)[scene.unknowns]
         assert worst(H @ (root * v) / root, exact[0] * v) / norm < 1e-13  # measured 5e-16
         assert worst(found.mode[~scene.free]) == 0 and abs(np.linalg.norm(found.mode) - 1) < 1e-13
 
 
-def test_several_eigenvalues_by_every_method():
-    """The six largest, and their modes, of a plate with nearly equal ones."""
+def test_every_method_finds_several_eigenvalues():
+    """The five largest eigenvalues, and their modes, of a plate whose eigenvalues are nearly equal."""
     scene = plate()
     H = dense(scene, 0.5)
     exact = np.linalg.eigvalsh((H + H.T) / 2)[::-1]
@@ -103,7 +103,7 @@ def test_several_eigenvalues_by_every_method():
 
 @pytest.mark.parametrize("factor", [0.05, 1.0])
 def test_energy_falls_along_an_unstable_mode_and_rises_along_a_stable_one(factor):
-    """Second difference of Π along the top mode: −λ Σ V v², whichever its sign."""
+    """The second difference of Π along the mode of the largest eigenvalue λ is −λ Σ V v², for either sign of λ."""
     scene = bar()
     top = pd.body_stability(scene, factor=factor)
     u, v, h = factor * scene.closed_form, jnp.asarray(top.mode), 1e-5
@@ -115,14 +115,14 @@ def test_energy_falls_along_an_unstable_mode_and_rises_along_a_stable_one(factor
 
 
 def test_a_periodic_chain_has_the_spectrum_of_its_symbol():
-    """Ĵ at k = 2πj/n on a chain of 15 points under a mean strain; one point held."""
+    """The symbol at k = 2πj/n gives the spectrum of a chain of 15 points under a mean strain with one point held."""
     n, h, F = 15, 0.5, jnp.array([[0.93]])
     body = pd.lattice((n,), h, periodic=True)
     model = pd.SethHill(1.0, LINEAR)
     symbol = pd.symbol(model, pd.lattice_family(1, 3, h), F, 2 * np.pi * np.arange(n)[:, None] / (n * h))[:, 0, 0]
     scene = pd.scene(body, pd.families(body, 3 * h), model, pd.prescribe(0), mean=F)
     values, _, about = pd.body_spectrum(scene, np.zeros((n, 1)))
-    # one point held: every pair of equal eigenvalues k, −k keeps one, the others interlace (Cauchy)
+    # One point is held, so one of each pair of equal eigenvalues (k and −k) remains; the others interlace (Cauchy).
     exact = np.sort(np.asarray(symbol))[::-1]
     assert len(values) == n - 1
     assert (values <= exact[:-1] + 1e-12).all() and (values >= exact[1:] - 1e-12).all()
@@ -137,7 +137,7 @@ def test_a_periodic_chain_has_the_spectrum_of_its_symbol():
 
 @pytest.mark.parametrize("make", [bar, plate])
 def test_critical_load_is_where_the_dense_eigenvalue_crosses(make):
-    """The root of the largest dense eigenvalue by Brent's method; few factors, and proved by their counts."""
+    """Brent's method finds the root of the largest dense eigenvalue. Few matrix factorisations prove the same root."""
     scene = make()
     f = jax.jit(jax.jacfwd(lambda u: pd.force_density(scene.model, scene.families, u)))
     root, keep = np.sqrt(np.repeat(scene.body.volumes, scene.body.dim)), scene.free.reshape(-1)
@@ -152,14 +152,14 @@ def test_critical_load_is_where_the_dense_eigenvalue_crosses(make):
     assert abs(found.factor / exact - 1) < 1e-6  # measured 5e-9
     assert largest(0.5 * found.factor) < 0
     assert found.proved and found.factorisations <= 8
-    # nearer than 1e-9 (measured: 2.5e-11, an eigenvalue of 8e-15 of the largest) the sign is rounding's
+    # Nearer to the root than 1e-9 rounding decides the sign (measured: at 2.5e-11 an eigenvalue of 8e-15 ‖H‖).
     assert all((count > 0) == (factor > exact) for factor, count in found.positive if abs(factor / exact - 1) > 1e-9)
     mode, top = found.mode, pd.body_stability(scene, factor=found.factor).mode
     assert min(worst(mode, top), worst(mode, -top)) < 1e-8  # measured 6e-12
 
 
-def test_a_path_may_be_given():
-    """Twice as fast a path meets the same state at half the factor."""
+def test_a_path_that_is_twice_as_fast_has_half_the_critical_factor():
+    """The same state is reached at half the load factor."""
     scene = bar()
     once, twice = pd.body_critical_load(scene), pd.body_critical_load(scene, lambda x: 2 * x * scene.closed_form)
     assert abs(2 * twice.factor / once.factor - 1) < 1e-10  # measured 4e-15
@@ -171,7 +171,7 @@ def critical_strain(n, N):
 
 @pytest.mark.parametrize("N", [1, 3])
 def test_odd_horizons_lose_stability_as_the_inverse_square_of_length(N):
-    """λ(π − q) = −κ/(N²h²) s², s ≈ q, against the stress term −(4aκ/N h²) Σ_{p odd} 1/p², with q = π/n."""
+    """λ(π − q) = −κ/(N²h²) s², s ≈ q, balances the stress term −(4aκ/N h²) Σ_{p odd} 1/p², with q = π/n."""
     loads = np.array([critical_strain(n + 4 * N, N) for n in (40, 80)])
     odd = sum(1 / p**2 for p in range(1, N + 1, 2))
     ratio = loads * 4 * N * odd * (np.array([40, 80]) / np.pi) ** 2
@@ -181,7 +181,7 @@ def test_odd_horizons_lose_stability_as_the_inverse_square_of_length(N):
 
 
 def test_an_even_horizon_loses_stability_as_the_inverse_sixth_power():
-    """N = 2: s = sin q − sin(2q)/2 ≈ q³/2, a clamped sixth-order equation with q⁶ = (2π/n)⁶."""
+    """For N = 2, s = sin q − sin(2q)/2 ≈ q³/2 gives a clamped sixth-order equation with q⁶ = (2π/n)⁶."""
     loads = np.array([critical_strain(n + 8, 2) for n in (40, 80)])
     ratio = loads * 8 / (0.25 * (2 * np.pi / np.array([40, 80])) ** 6)
     slope = np.log2(loads[0] / loads[1])
@@ -189,13 +189,13 @@ def test_an_even_horizon_loses_stability_as_the_inverse_sixth_power():
     assert -1 < ratio[1] < ratio[0] < -0.5  # measured -0.75, -0.57
 
 
-def test_nothing_crosses_in_tension():
+def test_a_bar_in_tension_has_no_critical_load():
     found = pd.body_critical_load(step_size_bar(41, 3, 1.0))
     assert np.isinf(found.factor) and found.mode is None and found.proved
     assert all(count == 0 for _, count in found.positive)
 
 
-def test_what_they_refuse():
+def test_wrong_arguments_of_the_spectrum_functions_are_refused():
     scene = bar()
     without = pd.scene(scene.body, scene.families, scene.model, pd.prescribe(np.arange(6)))
     lying = pd.scene(
@@ -220,7 +220,7 @@ def test_what_they_refuse():
         pd.body_stability(scene, np.full((100, 1), np.nan))
 
 
-def test_the_answers_say_what_they_found():
+def test_printed_results_state_verdict_count_and_proof():
     assert "unstable" in str(pd.body_stability(bar())) and "3 positive" in str(pd.body_stability(bar()))
     assert "not counted" in str(pd.body_stability(bar(), method="matrix_free"))
     assert "proved by inertia" in str(pd.body_critical_load(bar()))

@@ -1,4 +1,4 @@
-"""Statics: equilibria by every method, what is said when there is none, derivatives, paths through limit points."""
+"""Statics: equilibria by every method, messages if there is none, derivatives, paths through limit points."""
 
 import functools
 from itertools import pairwise
@@ -39,7 +39,7 @@ def paper():
 
 @functools.cache
 def pair(load=1.0, model=HENCKY):
-    """Two points, one bond: the left one held, the right one pulled."""
+    """Two points joined by one bond. The left point is held, the right one is pulled."""
     body = pd.bar(2, 2.0)
     return pd.scene(body, pd.families(body, 1.0), model, pd.prescribe(0), pd.total_force([1], [load]))
 
@@ -54,7 +54,7 @@ def solved(scene_of, method):
 
 @pytest.mark.parametrize("method", METHODS)
 def test_every_method_finds_the_stretched_bar(method):
-    """+100 % at once: u = X to rounding of the residual asked for, and it says so."""
+    """Every method finds u = X at +100 % strain in one step, and reports that it converged."""
     found = solved(stretched, method)
     assert SOLVERS == METHODS
     assert found.converged and found.reason == "converged" and found.method == method
@@ -65,7 +65,7 @@ def test_every_method_finds_the_stretched_bar(method):
 
 @pytest.mark.parametrize("method", METHODS[1:3])
 def test_methods_agree_on_the_singular_bar(method):
-    """The same equilibrium in tension, and the forces of the plain reference balance there."""
+    """All methods find the same equilibrium in tension."""
     newton, other = solved(pulled, "newton"), solved(pulled, method)
     assert newton.converged and other.converged
     assert newton.kind == "minimum"
@@ -73,7 +73,7 @@ def test_methods_agree_on_the_singular_bar(method):
 
 
 def test_forces_of_the_reference_balance_where_newton_stopped():
-    """f + b = 0 by the plain NumPy forces, with the modulus of each point."""
+    """f + b = 0 holds for the forces of the NumPy reference, with the modulus of each point."""
     scene, u = pulled(), np.asarray(solved(pulled, "newton").u)
     x = scene.body.positions[:, 0]
     states = ref.seth_hill_states(scene.body.positions, scene.body.volumes, 3 / 40, u, 1.0, 1.0, 0.0)
@@ -89,7 +89,7 @@ def test_forces_of_the_reference_balance_where_newton_stopped():
 
 
 def test_singular_bar_tends_to_the_local_solution():
-    """Error against the nonlinear local solution at fixed N = 3: it falls with n, by more than n^-0.4."""
+    """The error against the nonlinear local solution at fixed N = 3 decreases with n, faster than n^-0.4."""
     errors = []
     for n in (40, 80, 160):
         scene = singular_bar(n, 3, 1e-3)
@@ -101,7 +101,7 @@ def test_singular_bar_tends_to_the_local_solution():
 
 
 def test_newton_ends_quadratically():
-    """Residuals of the last steps: r_{k+1} ≤ C r_k² with one modest C; the last is below the tolerance asked for."""
+    """The last residuals satisfy r_{k+1} ≤ C r_k² with one C < 20, and the last is below the tolerance."""
     found = pd.solve(pulled(), tolerance=1e-13, stability=False)
     r = found.residuals
     assert r[-1] <= 1e-13 and (np.diff(r) < 0).all()
@@ -111,7 +111,7 @@ def test_newton_ends_quadratically():
 
 
 def test_the_paper_bar_has_a_smooth_saddle_and_a_distant_minimum():
-    """−0.1 %, 100 points: the homogeneous state has 3 unstable modes; relaxation settles more than 30 % away."""
+    """At −0.1 % with 100 points the homogeneous state has 3 unstable modes; relaxation ends more than 30 % away."""
     scene = paper()
     smooth = pd.solve(scene, predictor="tangent")
     assert smooth.converged and smooth.kind == "saddle" and smooth.stability.positive == 3
@@ -127,13 +127,13 @@ def test_the_paper_bar_has_a_smooth_saddle_and_a_distant_minimum():
 @pytest.mark.parametrize("method", ["newton", "trust_region"])
 @pytest.mark.parametrize("predictor", ["none", "tangent"])
 def test_load_steps_end_where_one_step_does(method, predictor):
-    """Four steps and more, or one: the same equilibrium."""
+    """Four or more load steps and a single one find the same equilibrium."""
     found = pd.solve(pulled(), method, step=0.25, predictor=predictor, stability=False)
     assert found.converged and float(found.load_factor) == 1
     assert worst(found.u, solved(pulled, "newton").u) / worst(found.u) < 1e-9  # measured 2e-11
 
 
-def test_a_start_near_the_answer_takes_no_steps():
+def test_a_start_at_the_solution_takes_no_iterations():
     found = pd.solve(stretched(), start=stretched().body.positions, stability=False)
     assert found.converged and found.iterations == 0
 
@@ -142,13 +142,13 @@ def test_a_start_near_the_answer_takes_no_steps():
 
 
 def hencky_pull(load):
-    """e with 2 log(1 + e)/(1 + e) = load: each of the two points has the energy ½ log²(1 + e)."""
+    """The strain e with 2 log(1 + e)/(1 + e) = load, since each of the two points has the energy ½ log²(1 + e)."""
     return brentq(lambda e: 2 * np.log1p(e) / (1 + e) - load, 0, np.e - 1, xtol=1e-15)
 
 
 @pytest.mark.parametrize("step", [1.0, 0.25])
 def test_a_load_beyond_the_limit_point_is_not_carried(step):
-    """The bond carries at most 2/exp(1): the last equilibrium lies below, is one, and the reason is in words."""
+    """The bond carries at most 2/exp(1). `solve` returns the last equilibrium below, and the reason in words."""
     found = pd.solve(pair(), step=step)
     assert not found.converged
     factor = float(found.load_factor)
@@ -161,7 +161,7 @@ def test_a_load_beyond_the_limit_point_is_not_carried(step):
         pd.solve(pair(), step=step, throw=True)
 
 
-def test_iterations_that_run_out_are_said():
+def test_exhausted_iterations_are_reported():
     found = pd.solve(pulled(), max_iterations=2, smallest_step=1.0, stability=False)
     assert not found.converged and "the iterations ran out" in found.reason
     found = pd.solve(paper(), "relaxation", max_iterations=1, smallest_step=1.0, stability=False)
@@ -170,7 +170,7 @@ def test_iterations_that_run_out_are_said():
 
 @pytest.mark.parametrize("method", METHODS)
 def test_a_collapsed_start_is_no_equilibrium(method):
-    """Both points in one place: forces and their scale are NaN, and no method takes that for a residual of zero."""
+    """Both points start in one place, so the forces and their scale are NaN. No method counts that as converged."""
     found = pd.solve(pair(), method, start=[[0.0], [-1.0]], smallest_step=1.0)
     assert not found.converged and "the residual is not finite" in found.reason and found.stability is None
 
@@ -198,7 +198,7 @@ def test_bad_arguments_are_refused(arguments, named):
 
 
 def end_of(method):
-    """(m, strain) → u of one point of a bar clamped at both ends, stiffer on one side: not homogeneous."""
+    """The function (m, strain) → u of one point of an inhomogeneous bar that is clamped at both ends."""
     c = np.where(np.arange(31) < 13, 1.0, 0.5)
 
     def value(p):
@@ -210,7 +210,7 @@ def end_of(method):
 
 
 def stress_of(p):
-    """σ → u at the end of the singular bar."""
+    """The displacement u at the end of the singular bar for the stress σ."""
     return pd.solve(singular_bar(30, 2, p[0], 2.0), tolerance=1e-12, stability=False).u[-1, 0]
 
 
@@ -219,7 +219,7 @@ def stress_of(p):
     [(end_of("newton"), [0.9, 0.08]), (end_of("trust_region"), [0.9, 0.08]), (stress_of, [0.02])],
 )
 def test_derivatives_of_an_equilibrium(value, at):
-    """Reverse, forward, and central differences, in the order m, the strain, the stress."""
+    """Reverse and forward derivatives equal central differences, for the order m, the strain and the stress."""
     at, h = np.array(at), 1e-5
     slope = np.asarray(jax.grad(value)(jnp.asarray(at)))
     for k, step in enumerate(np.eye(len(at)) * h):
@@ -230,7 +230,7 @@ def test_derivatives_of_an_equilibrium(value, at):
 
 
 def test_trust_region_under_jit_and_vmap():
-    """A batch is its members one by one; its gradient is that of Newton's implicit derivative."""
+    """A batch equals its members solved one by one, and its gradient equals Newton's implicit derivative."""
     scene = pulled()
 
     def value(scale):
@@ -257,7 +257,7 @@ def test_trust_region_under_jit_and_vmap():
 
 
 def test_a_path_passes_the_limit_point_of_a_bond():
-    """λ = 2 log(1 + e)/(1 + e): two points of energy ½ log²; its top 2/exp(1) at e = exp(1) − 1, unstable beyond."""
+    """λ = 2 log(1 + e)/(1 + e) has its maximum 2/exp(1) at e = exp(1) − 1, and the states beyond are unstable."""
     path = pd.equilibrium_path(pair(), states=40)
     e = path.u[:, 1, 0]
     assert worst(path.load_factors, 2 * np.log1p(e) / (1 + e)) < 1e-9  # measured 8e-11
@@ -271,7 +271,7 @@ def test_a_path_passes_the_limit_point_of_a_bond():
 
 
 def test_a_monotone_path_ends_at_the_solution():
-    """No limit point on the way to the full load: near its end, the path and one step of Newton agree."""
+    """The path has no limit point before the full load. At its last state it agrees with `solve`."""
     scene = pulled()
     path = pd.equilibrium_path(scene, states=40)
     assert path.reason == "converged" and path.load_factors[-1] >= 1 and len(path.limit_points) == 0
@@ -283,12 +283,12 @@ def test_a_monotone_path_ends_at_the_solution():
 
 
 class NoEnergy(pd.SethHill):
-    """A model that denies its energy."""
+    """A model with an energy that declares that it has none."""
 
     hyperelastic = False
 
 
-def test_a_path_refuses_what_it_cannot_follow():
+def test_wrong_arguments_of_a_path_are_refused():
     for wrong in ({"arc": 0.0}, {"arc": 0.3, "largest_arc": 0.2}, {"states": 0}):
         with pytest.raises(ValueError, match="need 0 < arc <= largest_arc and states >= 1"):
             pd.equilibrium_path(pair(), **wrong)

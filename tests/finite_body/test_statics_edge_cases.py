@@ -1,4 +1,4 @@
-"""What a numerical analyst found wrong with finite bodies once: each stays mended."""
+"""Errors in finite bodies that a review found: each test keeps one of them from coming back."""
 
 from typing import ClassVar
 
@@ -14,7 +14,7 @@ BAR = pd.LinearElastic(lam=1.0, mu=0.0)
 
 
 class NoEnergy(pd.AbstractModel):
-    """A force state with its energy kept from the library: J is not taken for symmetric."""
+    """A model whose energy the library is not told of, so that it does not treat J as symmetric."""
 
     base: pd.AbstractModel
     hyperelastic: ClassVar[bool] = False
@@ -27,14 +27,14 @@ class NoEnergy(pd.AbstractModel):
 
 
 def pulled(model, force=0.05, **how):
-    """A bar of 31 points, six held, two pulled."""
+    """The solution of a bar of 31 points; six are held and two are pulled."""
     body = pd.bar(31)
     conditions = pd.prescribe(np.arange(6), 0.0), pd.body_force([29, 30], force)
     return pd.solve(pd.scene(body, pd.families(body, 3 / 31), model, *conditions), stability=False, **how)
 
 
-def test_a_body_is_said_to_fail_where_it_first_does():
-    """77 eigenvalues cross before the one that Newton would follow: the dense spectrum's root, by bisection."""
+def test_critical_load_is_the_first_of_many_crossings():
+    """77 eigenvalues cross before the one that Newton would follow. The reference is the root of the dense spectrum."""
     scene = pd.scenes.clamped_plate((13, 12), 1.5, np.diag([0.7, 0.7]), pd.Correspondence(pd.LinearElastic(1.0, 1.0)))
     found = pd.body_critical_load(scene)
 
@@ -46,15 +46,15 @@ def test_a_body_is_said_to_fail_where_it_first_does():
 
 
 @pytest.mark.parametrize("method", ["newton", "newton_krylov", "relaxation", "trust_region"])
-def test_statics_without_an_energy(method):
-    """LU with pivots and GMRES in place of the symmetric ways; no nature of the equilibrium is claimed."""
+def test_every_method_solves_a_model_without_an_energy(method):
+    """LU with pivoting and GMRES replace the symmetric solvers, and the kind of the equilibrium is None."""
     result = pulled(NoEnergy(pd.SethHill(1.0, BAR)), method=method)
     assert result.converged and result.kind is None
     assert np.allclose(result.u, pulled(pd.SethHill(1.0, BAR)).u, atol=1e-9)  # measured 1e-11
 
 
 def test_a_body_that_flies_apart_is_no_equilibrium():
-    """Order −1 in tension: at stretches of 10⁴ forces fade, and a residual of zero means nothing."""
+    """For order −1 in tension the forces vanish at stretches of 10⁴, so a zero residual does not mean equilibrium."""
     scene = pd.scenes.step_size_bar(60, 3, 0.05, model=pd.SethHill(-1.0, BAR))
     far = scene.displacement(1e6 * jnp.asarray(np.random.default_rng(3).normal(size=len(scene.unknowns))))
     result = pd.solve(scene, start=far, tolerance=1e-3, smallest_step=1.0, stability=False)
@@ -62,8 +62,8 @@ def test_a_body_that_flies_apart_is_no_equilibrium():
     assert "came apart" in result.reason
 
 
-def test_a_periodic_body_has_a_scale_of_its_own():
-    """No reactions, no loads: the residual is measured by the forces of the bonds."""
+def test_residual_of_a_periodic_body_without_load_is_relative_to_its_bond_forces():
+    """There are no reactions and no loads, so the residual is divided by the forces of the bonds."""
     body = pd.lattice((30,), 1 / 30, periodic=True)
     held = pd.prescribe([0], 0.0)
     result = pd.solve(pd.scene(body, pd.families(body, 0.1), pd.SethHill(1.0, BAR), held, mean=[[1.02]]))
@@ -73,7 +73,7 @@ def test_a_periodic_body_has_a_scale_of_its_own():
 
 @pytest.mark.parametrize("method", ["newton", "trust_region"])
 def test_second_derivatives_of_an_equilibrium(method):
-    """d²/dκ² by grad of grad against central differences of the first derivative."""
+    """d²/dκ² from grad of grad equals central differences of the first derivative."""
 
     def answer(modulus):
         return jnp.sin(5 * pulled(pd.SethHill(1.0, pd.LinearElastic(modulus, 0.0)), method=method).u).sum()
@@ -83,7 +83,7 @@ def test_second_derivatives_of_an_equilibrium(method):
     assert abs(jax.grad(first)(1.0) - slope) < 1e-5 * abs(slope)  # measured 2e-8
 
 
-def test_what_did_not_converge_has_no_derivative():
+def test_derivative_of_an_unconverged_solution_is_nan():
     def answer(m):
         return pulled(pd.SethHill(m, BAR), max_iterations=1, smallest_step=1.0).u.sum()
 
@@ -92,7 +92,7 @@ def test_what_did_not_converge_has_no_derivative():
 
 
 def test_a_failed_first_step_stays_at_rest():
-    """Cut once and failed again: the state belongs to load factor 0, not to 1."""
+    """The first step is halved once and fails again, so the result is the state at load factor 0, not at 1."""
     scene = pd.scenes.step_size_bar(60, 3, -0.9)
     result = pd.solve(scene, step=0.8, smallest_step=0.6, max_iterations=2)
     assert not result.converged
@@ -100,7 +100,7 @@ def test_a_failed_first_step_stays_at_rest():
     assert np.abs(result.u).max() == 0.0
 
 
-def test_traction_of_a_periodic_body_does_not_see_its_seam():
+def test_traction_of_a_periodic_body_is_uniform_across_its_periodic_boundary():
     body = pd.lattice((20, 10), 0.1, periodic=(False, True))
     left, right = body.positions[:, 0] < 0.5, body.positions[:, 0] > 1.5
     pull = pd.homogeneous_traction(right, np.diag([1.01, 1.02]))

@@ -12,6 +12,7 @@ import table
 import pdjax as pd
 from pdjax.force import operator as evaluate
 from pdjax.force import shape_tensors
+from pdjax.force.backends import streamed
 
 COMPILED = []
 jax.monitoring.register_event_duration_secs_listener(
@@ -30,7 +31,7 @@ def programs(call):
 def counted(monkeypatch):
     """Names of what is checked and prepared."""
     seen = []
-    for module, name in ((shape_tensors, "_refuse"), (evaluate, "_plan")):
+    for module, name in ((shape_tensors, "_refuse"), (evaluate, "_backend")):
         real = getattr(module, name)
 
         def spy(*args, name=name, real=real):
@@ -51,16 +52,16 @@ def silling(mu=0.7):
 
 @pytest.mark.parametrize("way", ["families", "slices", "fft"])
 def test_a_second_call_with_a_model_made_anew_checks_prepares_and_compiles_nothing(way, counted, monkeypatch):
-    monkeypatch.setattr("pdjax.force.operator.SMALL", 0)
+    monkeypatch.setattr("pdjax.force.backends.padded.SMALL", 0)
     fams = pd.families(BODY, 1.01)
     first = pd.force_density(silling(), fams, U, way=way)
-    assert counted == ["_refuse", "_plan"]
+    assert counted == ["_refuse", "_backend"]
     assert programs(lambda: pd.force_density(silling(), fams, U, way=way)) == 0
     model = silling()
     closed = jax.jit(lambda u: pd.force_density(model, fams, u, way=way))
     slope = jax.grad(lambda u: jnp.sum(pd.force_density(silling(), fams, u, way=way) ** 2))
     assert np.allclose(closed(U), first, rtol=0, atol=1e-14) and np.isfinite(slope(jnp.asarray(U))).all()
-    assert counted == ["_refuse", "_plan"]
+    assert counted == ["_refuse", "_backend"]
 
 
 def test_the_shape_tensors_of_the_bonds_are_shared_by_models_and_constants(counted):
@@ -78,9 +79,9 @@ def test_the_shape_tensors_of_the_bonds_are_shared_by_models_and_constants(count
 
 def test_reference_sums_are_prepared_for_the_constants_that_they_read(monkeypatch):
     """Other constants may differ, and be traced: a gradient in them computes no reference sums."""
-    monkeypatch.setattr("pdjax.force.operator.SMALL", 0)
-    seen, real = [], evaluate._reference
-    monkeypatch.setattr(evaluate, "_reference", lambda *args: seen.append(1) or real(*args))
+    monkeypatch.setattr("pdjax.force.backends.padded.SMALL", 0)
+    seen, real = [], streamed._reference
+    monkeypatch.setattr(streamed, "_reference", lambda *args: seen.append(1) or real(*args))
     fams = pd.families(BODY, 1.01)
 
     def total(mu):

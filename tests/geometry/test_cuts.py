@@ -1,4 +1,4 @@
-"""Cutting bonds: by hand-written geometry, on every side of the surface's edge, and what is refused."""
+"""Cut bonds agree with independent geometry at planes, segments and polygons, and invalid surfaces are refused."""
 
 import numpy as np
 import pytest
@@ -16,7 +16,7 @@ def broken(fams, cut):
 
 
 def crossing(body, fams, p, q):
-    """The pairs whose segment crosses that from p to q, by orientations of triangles."""
+    """The pairs whose bond crosses the segment from p to q, found from the orientations of triangles."""
 
     def side(a, b, c):
         return np.sign((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]))
@@ -32,15 +32,15 @@ def crossing(body, fams, p, q):
 @pytest.mark.parametrize(
     "p, q", [((-1, 3), (4.1, 3)), ((2.1, -1), (2.1, 9)), ((1.2, 1.3), (5.3, 4.65)), ((3, 3), (3.1, 3))]
 )
-def test_a_segment_cuts_what_crosses_it(p, q):
+def test_a_segment_cuts_the_bonds_that_cross_it(p, q):
     p, q = np.asarray(p, float), np.asarray(q, float)
     cut = pd.cut(FAMS, pd.Segment(p, q))
     expected = crossing(PLATE, FAMS, p, q)
     assert broken(FAMS, cut) == expected and expected
-    assert {(j, i) for i, j in expected} == expected  # from both ends
+    assert {(j, i) for i, j in expected} == expected  # in the families of both ends
 
 
-def test_a_plane_parts_the_body():
+def test_a_plane_separates_a_body_into_two_parts():
     X = PLATE.positions
     cut = pd.cut(FAMS, pd.Plane((3.37, 0.0), (1.0, 0.4)))
     side = (X - [3.37, 0.0]) @ [1.0, 0.4] > 0
@@ -52,7 +52,7 @@ def test_a_plane_parts_the_body():
     }
 
 
-def test_a_polygon_in_space_is_two_triangles():
+def test_a_polygon_cuts_the_same_bonds_as_its_two_triangles():
     body = pd.lattice((5, 5, 5))
     fams = pd.families(body, 1.8)
     a, b, c, d = (1.1, 0.9, 2.0), (4.2, 1.2, 2.0), (3.9, 4.1, 2.0), (0.8, 3.7, 2.0)
@@ -63,13 +63,13 @@ def test_a_polygon_in_space_is_two_triangles():
     assert 0 < len(whole) < len(broken(fams, pd.cut(fams, pd.Plane((0, 0, 2.0), (0, 0, 1)))))
 
 
-def test_bonds_through_a_periodic_face_are_not_those_through_the_middle():
+def test_a_plane_does_not_cut_bonds_across_a_periodic_face():
     body = pd.lattice((8,), periodic=True)
     fams = pd.families(body, 1.0)
     assert broken(fams, pd.cut(fams, pd.Plane((4.0,), (1.0,)))) == {(3, 4), (4, 3)}
 
 
-def test_cuts_add_up_and_leave_padding_alone():
+def test_cuts_accumulate_and_padding_keeps_zero_weight():
     first = pd.cut(FAMS, pd.Segment((-1, 3), (4.1, 3)))
     both = pd.cut(first, pd.Segment((4.1, 3), (9, 3)))
     assert broken(FAMS, both) == broken(FAMS, pd.cut(FAMS, pd.Plane((0, 3), (0, 1))))
@@ -89,7 +89,7 @@ def test_cuts_add_up_and_leave_padding_alone():
         ([(0, 0), (1, 1)], "Plane or Segment or Polygon"),
     ],
 )
-def test_what_cuts_nothing_is_said(surface, words):
+def test_an_invalid_surface_raises_value_error(surface, words):
     with pytest.raises(ValueError, match=words):
         pd.cut(FAMS, surface)
 

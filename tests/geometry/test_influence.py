@@ -1,4 +1,4 @@
-"""Influence functions: known values, smoothness, evenness, parameters that are traced and differentiable."""
+"""Influence functions have their known values, are smooth and even, and their parameters are differentiable."""
 
 from functools import partial
 
@@ -16,7 +16,7 @@ from table import MODELS
 import pdjax as pd
 from pdjax.geometry.influence import INFLUENCES
 
-# values at q = r/δ = ¼, ½, ¾, 1, by hand
+# Values at q = r/δ = ¼, ½, ¾, 1, computed by hand.
 KNOWN = {
     "constant": (pd.constant_influence, [1, 1, 1, 1]),
     "inverse distance": (pd.inverse_distance_influence, [4, 2, 4 / 3, 1]),
@@ -38,7 +38,7 @@ def test_known_values(name, horizon):
 
 @pytest.mark.parametrize("name", KNOWN)
 def test_even_and_nonnegative_in_a_family(name):
-    """Opposite bonds weigh the same to the last bit, and bonds past the horizon's tie do not turn negative."""
+    """Opposite bonds have equal ω to the last bit, and ω is not negative just beyond the horizon."""
     influence, _ = KNOWN[name]
     omega = np.asarray(pd.lattice_family(3, 2, 0.1, influence).influence)
     assert np.array_equal(omega[: len(omega) // 2], omega[len(omega) // 2 :])
@@ -47,14 +47,14 @@ def test_even_and_nonnegative_in_a_family(name):
 
 
 @given(q=st.floats(1e-3, 1.0), horizon=st.floats(1e-3, 1e3))
-def test_only_the_ratio_counts(q, horizon):
+def test_influence_depends_only_on_length_over_horizon(q, horizon):
     for influence, _ in KNOWN.values():
         scaled, plain = (influence(jnp.asarray(q * h), jnp.asarray(h)) for h in (horizon, 1.0))
         assert worst(scaled / jnp.maximum(plain, 1e-300), plain / jnp.maximum(plain, 1e-300)) < 1e-9  # 1e-15
 
 
 def test_cubic_spline_is_twice_continuously_differentiable():
-    """Value, slope and curvature agree across q = ½ (¼, −3/2, 6) and end at 0 at the horizon; the third jumps."""
+    """Value, slope and curvature agree across q = ½ (¼, −3/2, 6) and are 0 at q = 1. The third derivative jumps."""
     derivatives = [lambda q: pd.cubic_spline_influence(q, 1.0)]
     for _ in range(3):
         derivatives.append(jax.grad(derivatives[-1]))
@@ -67,7 +67,7 @@ def test_cubic_spline_is_twice_continuously_differentiable():
 
 
 def test_parameters_are_traced_and_differentiable():
-    """d/dwidth of a force density through the families built with it; nothing compiles again for a new width."""
+    """The derivative of a force density by the width equals its central difference; a new width compiles nothing."""
     body, u = bodies.points(1, "cloud"), bodies.displacement(1, "cloud", 1)
 
     @jax.jit
@@ -87,8 +87,8 @@ def test_parameters_are_traced_and_differentiable():
     assert force._cache_size() == 1
 
 
-def test_a_users_function_with_a_parameter():
-    """ω = q^p closed form: d ω/dp = ω log q, on the bonds of a lattice family."""
+def test_a_user_function_with_a_parameter_is_differentiable():
+    """For ω = q^p on a lattice family, dω/dp = ω log q."""
 
     def power(r, delta, p):
         return (r / delta) ** p
@@ -102,8 +102,11 @@ def test_a_users_function_with_a_parameter():
     assert worst(slope, q**1.3 * np.log(q)) < 1e-15  # 0
 
 
-def test_partial_volumes_of_hand_computed_families():
-    """1D, δ = 2h: β = 1, ½, so Σβξ² = 2(1 + ½·4) = 6. 2D: 1, 1, 0.7 at 1, √2, 2 for δ = 2.2h; 2.1 − √2 for δ = 1.6h."""
+def test_partial_volumes_agree_with_hand_computed_families():
+    """1D, δ = 2h: β = 1, ½, so Σβξ² = 2(1 + ½·4) = 6.
+
+    2D, δ = 2.2h: β = 1, 1, 0.7 at r/h = 1, √2, 2. 2D, δ = 1.6h: β = 2.1 − √2 at r/h = √2.
+    """
     part = pd.partial_volume_influence(pd.constant_influence, 1.0)
     line = pd.lattice_family(1, 2, 1.0, part)
     assert worst(jnp.sum(line.influence * line.xi[:, 0] ** 2), 6.0) < 1e-15  # 0
@@ -116,8 +119,11 @@ def test_partial_volumes_of_hand_computed_families():
     assert worst(weighted.influence, np.where(length > 1.9, 0.7, 1.0) * 2.2 / length) < 1e-15  # 2e-16
 
 
-def test_partial_volumes_in_a_body_and_a_symbol():
-    """Springs in 1D, δ = 2h, h = ½: Ĵ(k) = −2ch[(1 − cos kh)/h + ½ (1 − cos 2kh)/2h]; a body's middle obeys it."""
+def test_partial_volumes_give_the_closed_form_symbol_and_jacobian():
+    """Springs in 1D, δ = 2h, h = ½: Ĵ(k) = −2ch[(1 − cos kh)/h + ½ (1 − cos 2kh)/2h].
+
+    The middle point of a bar responds to a wave with the same factor.
+    """
     h, c = 0.5, 1.3
     part = pd.partial_volume_influence(pd.constant_influence, h)
     k = 2.0
@@ -131,8 +137,8 @@ def test_partial_volumes_in_a_body_and_a_symbol():
     assert worst(pd.jvp(pd.BondBased(c), fams, jnp.zeros((9, 1)), wave)[4], np.array([exact])) < 1e-14  # 0
 
 
-def test_partial_volumes_of_a_traced_spacing():
-    """β = ½ + (δ − r)/h at r = 2, δ = 2.2: dβ/dh = −0.2/h²; one compilation; a spacing ≤ 0 is refused."""
+def test_partial_volumes_are_differentiable_in_the_spacing():
+    """For β = ½ + (δ − r)/h at r = 2, δ = 2.2: dβ/dh = −0.2/h². All spacings share one program; 0 is refused."""
 
     @jax.jit
     def beta(h):
@@ -152,7 +158,7 @@ def test_a_name_stands_for_its_function(name):
     assert np.array_equal(pd.families(body, 2.1, name).influence, pd.families(body, 2.1, INFLUENCES[name]).influence)
 
 
-def test_the_parabola_and_names_that_are_none():
+def test_parabolic_influence_has_known_values_and_unknown_names_are_refused():
     r = np.array([0.1, 0.5, 0.75, 1.0])
     assert np.allclose(pd.parabolic_influence(r, 1.0), [1, 1, 0.75, 0], atol=1e-15)
     with pytest.raises(ValueError, match="influence must be one of constant, inverse distance"):

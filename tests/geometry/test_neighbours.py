@@ -1,4 +1,4 @@
-"""Families: who is whose neighbour by brute force, ties, order, reverse bonds, padding and bond weights."""
+"""Families agree with brute force, and their ties, order, reverse bonds, padding and bond weights are right."""
 
 import inspect
 import itertools
@@ -47,7 +47,7 @@ def test_lattice_family_is_the_ball_in_centro_symmetric_order(dim, N, count):
 
 @pytest.mark.parametrize("dim, count", [(1, 6), (2, 28), (3, 122)])
 def test_ties_do_not_depend_on_rounding(dim, count):
-    """The horizon's slack is 1e-9, relative."""
+    """The relative slack of the horizon is 1e-9."""
     for N in (3 * (1 - 1e-10), 0.3 / 0.1, 3 * (1 + 1e-10)):
         assert pd.lattice_family(dim, N).xi.shape[0] == count
     assert pd.lattice_family(dim, 3 * (1 - 1e-8)).xi.shape[0] < count
@@ -65,7 +65,7 @@ def test_homogeneous_bonds_are_relative_displacements():
 
 
 def brute_bonds(body, horizon):
-    """{(i, j): ξ} over all images of a periodic box."""
+    """Return {(i, j): ξ} over all images of a periodic box."""
     period = [0.0 if not np.isfinite(p) else p for p in body.period or [np.inf] * body.dim]
     shifts = np.array(list(itertools.product(*[(-p, 0.0, p) if p else (0.0,) for p in period])))
     images = (body.positions[None] + shifts[:, None]).reshape(-1, body.dim)
@@ -81,7 +81,7 @@ def brute_bonds(body, horizon):
 
 
 def check_families(body, horizon):
-    """Neighbours, ξ, reverse slots, counts, volumes and padding, against brute force."""
+    """Compare neighbours, ξ, reverse slots, counts, volumes and padding with brute force."""
     fams = pd.families(body, horizon)
     assert (fams.spacing, fams.shape, float(fams.horizon)) == (body.spacing, body.shape, horizon)
     assert np.array_equal(fams.volumes, body.volumes)
@@ -136,7 +136,7 @@ def test_families_of_the_bodies_of_these_tests(dim, kind):
     check_families(bodies.points(dim, kind), bodies.HORIZONS[dim])
 
 
-def test_body_bonds_under_displacement_and_mean_deformation():
+def test_a_mean_deformation_gives_the_bonds_of_the_same_affine_displacement():
     fams, F = bodies.families(2, "cloud"), bodies.deformation(2, 3)
     X, u = bodies.points(2, "cloud").positions, bodies.displacement(2, "cloud", 3)
     apart = fams.bonds(jnp.asarray(u), jnp.asarray(F))
@@ -145,7 +145,7 @@ def test_body_bonds_under_displacement_and_mean_deformation():
     assert worst(apart.eta[true], together.eta[true]) < 1e-14  # 6e-17
     back = fams.reversed(together)
     j, slot = np.asarray(fams.neighbours), np.asarray(fams.reverse)
-    for here, there in zip(together[:3], back[:3], strict=True):  # ξ, η, ω as the neighbour itself has them
+    for here, there in zip(together[:3], back[:3], strict=True):  # ξ, η, ω in the family of the neighbour
         assert np.array_equal(np.asarray(here)[j, slot][true], there[true])
     volumes = np.asarray(fams.volumes)
     assert np.array_equal(together.volume, volumes[j]) and np.all(back.volume == volumes[:, None])
@@ -156,7 +156,7 @@ def test_body_bonds_under_displacement_and_mean_deformation():
 
 @eqx.filter_jit
 def derivatives(model, fams, u, v):
-    """f, J v, and the second derivative of f along v."""
+    """Return f, J v and the second derivative of f along v."""
 
     def slope(w):
         return jax.jvp(lambda x: pd.force_density(model, fams, x), (w,), (v,))[1]
@@ -165,8 +165,8 @@ def derivatives(model, fams, u, v):
 
 
 @pytest.mark.parametrize("name", [name for name, model in KINDS.items() if 1 in model.dims])
-def test_padding_changes_nothing_to_second_derivatives(name):
-    """Whatever the padded ξ and ω are; undeformed too, where a strain written with |ξ + η| would give NaN."""
+def test_padding_does_not_change_second_derivatives(name):
+    """The padded ξ and ω do not matter, also undeformed, where a strain written with |ξ + η| would give NaN."""
     model, fams = MODELS[name], bodies.families(1, "cloud")
     empty = fams.weight == 0
     other = eqx.tree_at(
@@ -183,8 +183,8 @@ def test_padding_changes_nothing_to_second_derivatives(name):
     assert worst((up - down) / (2 * step), derivatives(model, fams, u, v)[2]) < 1e-5  # 2e-7
 
 
-def test_padding_changes_no_value():
-    """The unpadded families against the same with a slot for every point."""
+def test_padding_does_not_change_the_force_density():
+    """Families without spare slots give the same forces as families with a slot for every point."""
     bare = pd.families(bodies.points(2, "cloud"), bodies.HORIZONS[2], pd.gaussian_influence)
     u = jnp.asarray(bodies.displacement(2, "cloud", 4))
     out = bodies.respond(MODELS["correspondence svk"], bodies.families(2, "cloud"), u)
@@ -199,7 +199,7 @@ state = eqx.filter_jit(pd.force_state)
 
 
 @pytest.mark.parametrize("name", ["seth_hill m=-0.7", "correspondence neo-hookean"])
-def test_broken_bonds_of_a_lattice_family_are_a_smaller_family(name):
+def test_a_lattice_family_without_its_long_bonds_equals_a_smaller_family(name):
     F = jnp.asarray(bodies.deformation(2, 5))
     whole, small = pd.lattice_family(2, 3), pd.lattice_family(2, 2)
     near = np.linalg.norm(whole.xi, axis=1) < 2.1
@@ -213,7 +213,7 @@ def test_broken_bonds_of_a_lattice_family_are_a_smaller_family(name):
 
 
 @pytest.mark.parametrize("m", [1.0, 0.0, -0.7])
-def test_broken_bonds_across_a_plane_make_two_bodies(m):
+def test_a_body_cut_by_a_plane_equals_two_separate_bodies(m):
     body, fams = bodies.points(2, "cloud"), bodies.families(2, "cloud")
     u = bodies.displacement(2, "cloud", 6)
     left = body.positions[:, 0] < 2.0
@@ -229,7 +229,7 @@ def test_broken_bonds_across_a_plane_make_two_bodies(m):
     assert worst(out.energy / energy, 1.0) < 1e-13  # 1e-15
 
 
-def test_weights_multiply_and_leave_padding_empty():
+def test_weights_multiply_and_padding_keeps_zero_weight():
     fams = bodies.families(2, "cloud")
     half = jnp.full(fams.weight.shape, 0.5)
     twice = fams.with_weight(half).with_weight(half)
@@ -252,6 +252,32 @@ def test_weights_are_traced_and_differentiable():
         assert worst((up - down) / (2 * step), slope[i, slot]) < 1e-10  # 3e-13
         assert abs(slope[i, slot]) > 1e-6
     assert np.all(np.asarray(slope)[np.asarray(fams.weight) == 0] == 0)
+
+
+# ---------------------------------------------------------------- printed sizes
+
+
+def test_families_print_their_sizes_and_traced_values_are_left_out():
+    body, family = pd.lattice((5, 4)), pd.lattice_family(2, 2, 0.5)
+    fams = pd.families(body, 2.1)
+    assert repr(family) == "LatticeFamily(12 bonds, 2D, horizon 1, spacing 0.5)"
+    assert repr(family.with_weight(np.ones(12))).endswith("spacing 0.5, weighted bonds)")
+    assert repr(fams) == str(fams) == "Families(20 points, 2D, 5 to 11 bonds a point, horizon 2.1)"
+    assert (
+        repr(pd.families(pd.lattice((9,), periodic=True), 2.0)) == "Families(9 points, 1D, 4 bonds a point, horizon 2)"
+    )
+    assert repr(pd.families(body, 2.1, arrays=False)).endswith("5 to 11 bonds a point, horizon 2.1, arrays=False)")
+    shown = []
+    eqx.filter_eval_shape(lambda *trees: shown.extend(map(repr, trees)), family, fams)
+    assert shown == ["LatticeFamily(12 bonds, 2D)", "Families(20 points, 2D, at most 11 bonds a point)"]
+
+
+def test_trees_with_the_structure_of_families_can_be_printed():
+    family, fams = pd.lattice_family(2, 2), pd.families(pd.lattice((5, 4)), 2.1)
+    for tree in (family, fams):
+        for change in (lambda x: True, np.shape, lambda x: x[None], lambda x: jax.ShapeDtypeStruct(x.shape, x.dtype)):
+            assert repr(jax.tree.map(change, tree)).startswith(type(tree).__name__)
+        assert repr(eqx.partition(tree, lambda x: False)[0]).startswith(type(tree).__name__)
 
 
 # ---------------------------------------------------------------- wrong use
@@ -315,7 +341,7 @@ def test_a_horizon_cannot_be_traced():
         (lambda c: bodies.families(1, "cloud").with_weight(c * jnp.ones((7, 6))), -0.5, "bond weights"),
     ],
 )
-def test_wrong_values_seen_only_when_traced_raise_at_run_time(build, bad, message):
+def test_wrong_values_that_are_traced_raise_at_run_time(build, bad, message):
     built = eqx.filter_jit(build)
     jax.block_until_ready(built(jnp.asarray(0.5)))
     with pytest.raises(RuntimeError, match=message):

@@ -1,4 +1,4 @@
-"""Points: lattices, boxes and clouds hold what was asked for, and refuse what makes no body."""
+"""Lattices, boxes and clouds have the requested points and volumes, and refuse wrong arguments."""
 
 import numpy as np
 import pytest
@@ -41,7 +41,7 @@ def test_period_is_the_box_along_periodic_axes_only():
     assert pd.lattice((5, 3), 0.5, periodic=(False, False)).period is None
 
 
-def test_cloud_keeps_its_own_arrays():
+def test_cloud_copies_its_arrays():
     positions, volumes = np.array([[0.0, 1.0], [2.0, 0.5], [1.0, 1.0]]), np.array([1.0, 2.0, 3.0])
     body = pd.cloud(positions, volumes)
     volumes[:] = 9

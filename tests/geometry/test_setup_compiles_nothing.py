@@ -1,7 +1,7 @@
-"""Setting up a problem compiles no program: geometry, families, conditions, models, scenes and motions are NumPy.
+"""Setting up a problem compiles no program, because geometry, conditions, models, scenes and motions use NumPy.
 
-Every JAX operation outside a program compiles one of its own, about 50 ms each however small. What is counted here are
-compilations, so nothing depends on the speed of the machine.
+Every JAX operation outside a compiled program compiles its own program, which takes about 50 ms. These tests count
+compilations, so they do not depend on the speed of the machine.
 """
 
 from contextlib import contextmanager
@@ -32,8 +32,11 @@ jax.monitoring.register_event_duration_secs_listener(_count)
 
 @contextmanager
 def programs(*checked):
-    """A list whose one entry is, at the end, how many programs were compiled, with none compiled at the start but those
-    that check SPRINGS on the families given: a model's check on a body belongs to the model."""
+    """Count the programs compiled inside the context, in a list with one entry.
+
+    The context starts with an empty cache. The programs that check SPRINGS on the given families are compiled before
+    the count starts, because they belong to the model.
+    """
     jax.clear_caches()
     for fams in checked:
         check_model(SPRINGS, fams, pd.Families)
@@ -168,7 +171,7 @@ def test_a_scene_compiles_nothing_beside_the_check_of_its_model(name):
     assert found == [0]
 
 
-def test_a_schedule_of_ones_own_is_one_program():
+def test_a_user_schedule_compiles_one_program():
     made = scene()
     with programs() as found:
         pd.motion(made, schedule=lambda t: jnp.sin(t) ** 2)
@@ -193,7 +196,7 @@ CLASSICAL = pd.Correspondence(pd.LinearElastic(1.0, 1.0))
         ),
     ],
 )
-def test_a_closed_form_is_one_program(build, model, fams):
+def test_a_closed_form_compiles_one_program(build, model, fams):
     with programs() as check:
         check_model(model, fams, pd.Families)
     with programs() as found:
@@ -201,7 +204,7 @@ def test_a_closed_form_is_one_program(build, model, fams):
     assert found[0] <= check[0] + 1
 
 
-# ---------------------------------------------------------------- the same numbers as under a transformation
+# ---------------------------------------------------------------- the same numbers under a transformation
 
 
 def same(found, traced):
@@ -211,7 +214,7 @@ def same(found, traced):
 
 
 @pytest.mark.parametrize("influence", [pd.gaussian_influence, pd.cubic_spline_influence, lambda r, d: jnp.exp(-r / d)])
-def test_a_lattice_family_is_that_of_a_traced_spacing(influence):
+def test_a_lattice_family_equals_that_of_a_traced_spacing(influence):
     def build(spacing):
         fam = pd.lattice_family(3, 2, spacing, pd.partial_volume_influence(influence, spacing))
         return fam, fam.bonds(0.9 * jnp.eye(3))
@@ -219,7 +222,7 @@ def test_a_lattice_family_is_that_of_a_traced_spacing(influence):
     same(build(0.3), jax.jit(build)(0.3))
 
 
-def test_bonds_of_a_body_are_those_of_a_program():
+def test_bonds_of_a_body_equal_those_under_jit():
     u, F = np.random.default_rng(1).normal(size=(20, 2)), np.array([[0.9, 0.1], [0.0, 1.1]])
     fams = FAMILIES.with_weight(np.full(FAMILIES.weight.shape, 0.5))
     found = fams.bonds(jnp.asarray(u), jnp.asarray(F))
@@ -234,7 +237,7 @@ def test_factor_and_rate_of_a_schedule_are_its_value_and_derivative(schedule):
         same(made.factor(t), jax.jit(lambda t: made.factor(t))(t))
 
 
-def test_a_subclass_of_a_ramp_keeps_its_own_value():
+def test_a_subclass_of_ramp_uses_its_own_value():
     class Half(pd.Ramp):
         def __call__(self, t):
             return 0.5 * super().__call__(t)
@@ -252,7 +255,7 @@ def test_arrays_given_by_a_user_are_copied():
 
 
 def test_a_python_number_keeps_its_weak_type():
-    """It takes the precision of what it meets; a whole number and a NumPy number have one of their own."""
+    """A weakly typed number adopts the precision of arrays. Whole numbers and NumPy numbers have a fixed one."""
     assert as_real(1.0).weak_type and not as_real(1).weak_type and not as_real(np.float64(1.0)).weak_type
     assert pd.LPS.from_young(1.0, 0.2).shear.weak_type
     assert not pd.LPS.from_young(np.float64(1.0), 0.2).shear.weak_type
@@ -260,7 +263,7 @@ def test_a_python_number_keeps_its_weak_type():
 
 
 @pytest.mark.parametrize("value", [None, [1.0, None], "no number"])
-def test_what_is_no_number_is_refused(value):
+def test_values_that_are_no_numbers_are_refused(value):
     for convert in (as_real, as_array):
         with pytest.raises((TypeError, ValueError)):
             convert(value)

@@ -1,4 +1,4 @@
-"""Bonds as long as the horizon: rounding decides nothing, and coordinates of few digits are said."""
+"""Rounding does not decide which bonds belong to a family, and coordinates of few digits raise a warning."""
 
 import warnings
 
@@ -32,7 +32,7 @@ def test_a_shift_of_the_origin_changes_no_family(N, shift):
 
 
 @pytest.mark.parametrize("shift", [0.0, 3.0, (40.0, -7.0)])
-def test_single_precision_is_known_by_its_dtype(shift):
+def test_float32_coordinates_give_the_families_of_the_lattice(shift):
     single = (SQUARE + shift).astype(np.float32)
     assert np.array_equal(counts(single, 0.03), np.asarray(pd.families(pd.lattice((14, 14), 0.01), 0.03).count))
 
@@ -43,7 +43,7 @@ def test_points_in_another_order_have_the_same_neighbours():
 
 
 @pytest.mark.parametrize("digits", [4, 5, 6])
-def test_few_digits_are_said_with_the_numbers_and_the_cure(digits):
+def test_coordinates_of_few_digits_raise_a_warning_with_a_better_horizon(digits):
     body = pd.cloud(np.round(pd.lattice((14, 14), 1 / 70).positions, digits), 1e-4)
     with pytest.warns(UserWarning, match=r"cuts through one shell.*308 bonds.*0\.0430714"):
         pd.families(body, 3 / 70)
@@ -54,14 +54,14 @@ def test_few_digits_are_said_with_the_numbers_and_the_cure(digits):
 
 
 @pytest.mark.parametrize("dim", [1, 2, 3])
-def test_points_at_random_have_no_shell_to_cut(dim):
+def test_random_points_have_no_cut_shell(dim):
     rng = np.random.default_rng(dim)
     for n in (30, 300, 3000):
         report = pd.neighbour_report(pd.cloud(rng.uniform(size=(n, dim)), 1 / n), 3 * n ** (-1 / dim))
         assert report.cut is None
 
 
-def test_the_report_is_what_the_families_are():
+def test_the_report_agrees_with_the_families():
     body = pd.lattice((9, 7, 5), 0.5)
     report, fams = pd.neighbour_report(body, 1.5), pd.families(body, 1.5)
     assert np.array_equal(report.count, np.asarray(fams.count)) and not report.alone.any()
@@ -72,7 +72,7 @@ def test_the_report_is_what_the_families_are():
     assert "3 spacings" in str(report) and f"{report.count.min()} to {report.count.max()}" in str(report)
 
 
-def test_a_lonely_point_is_named():
+def test_an_isolated_point_is_named():
     body = pd.cloud([[0.0], [1.0], [9.0]], 1.0)
     report = pd.neighbour_report(body, 1.5)
     assert report.alone.tolist() == [False, False, True] and "point 2" in str(report)
@@ -81,7 +81,7 @@ def test_a_lonely_point_is_named():
 
 
 @pytest.mark.parametrize("horizon", [0.0, -1.0, np.nan, np.inf, [1.0, 2.0], None, "3"])
-def test_a_horizon_that_is_none(horizon):
+def test_an_invalid_horizon_is_refused(horizon):
     for function in (pd.families, pd.neighbour_report):
         with pytest.raises(ValueError, match="horizon must"):
             function(pd.lattice((4, 4)), horizon)

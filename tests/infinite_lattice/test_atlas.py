@@ -1,4 +1,4 @@
-"""The atlas against `critical_load`, closed forms and itself after a stop; the table of models."""
+"""Tests of `model_atlas` against `critical_load` and closed forms, of its file, and of maps of any model."""
 
 import json
 
@@ -21,28 +21,29 @@ def small(tmp_path_factory):
 
 
 def test_critical_strains_are_those_of_critical_load(small):
-    """And of closed forms: St. Venant–Kirchhoff loses its stiffness where 3 s² = 1; springs s − 1 never do in 1D."""
+    """They also equal closed forms: in 1D a St. Venant–Kirchhoff law loses its stiffness at the stretch s with
+    3 s² = 1, and springs whose force is proportional to s − 1 never lose it."""
     found, _ = small
     fam = pd.lattice_family(1, 3)
     for name in SOME[:-1]:
         for side, word in (("compression", "negative"), ("tension", "positive")):
             value, before = found.find(name, 1, 3)["critical"]["hydrostatic"][side]
             exact = float(pd.critical_load(pd.CATALOGUE[name](LAW, fam), fam, side=word))
-            assert value == pytest.approx(exact, abs=2e-5), (name, side)  # 1e-5 where marginal, else 1e-10
+            assert value == pytest.approx(exact, abs=2e-5), (name, side)  # 1e-5 if marginal, else 1e-10
             assert before == {"Silling": "marginal"}.get(name, "unstable at once" if exact == 0 else "stable")
     value, _ = found.find("law", 1, 3)["critical"]["hydrostatic"]["compression"]
     assert value == pytest.approx(3**-0.5 - 1, abs=1e-8)  # 3e-11
     value, _ = found.find("Seth–Hill 1 + penalty", 1, 3)["critical"]["hydrostatic"]["compression"]
-    assert value == pytest.approx(3**-0.5 - 1, abs=1e-8)  # the law's own: 4e-11
+    assert value == pytest.approx(3**-0.5 - 1, abs=1e-8)  # 4e-11
     assert np.isinf(found.find("bond-based", 1, 3)["critical"]["hydrostatic"]["compression"][0])
 
 
-def test_what_is_not_defined_says_why(small):
+def test_a_model_undefined_in_a_dimension_is_recorded_with_the_reason(small):
     assert "dimension 2 or 3" in small[0].find("LPS", 1, 3)["refused"]
 
 
 def test_zero_energy_waves_of_silling_are_those_that_the_gradient_does_not_see():
-    """1D: Σ ξ sin kξ = 0, found here by the sign changes of that sum."""
+    """In 1D these are the zeros of Σ ξ sin kξ. The test finds them by the sign changes of this sum."""
     k = np.linspace(1e-3, np.pi, 200_001)
     seen = sum(n * np.sin(k * n) for n in (1, 2, 3))
     exact = k[:-1][np.sign(seen[:-1]) != np.sign(seen[1:])] / np.pi
@@ -58,7 +59,7 @@ def test_dispersion_error_of_silling_in_closed_form():
     assert found == [pytest.approx(exact, abs=1e-12)]  # 2e-16
 
 
-def test_a_second_run_goes_on_with_the_file(small, monkeypatch):
+def test_a_second_run_reads_the_saved_file_and_computes_nothing(small, monkeypatch):
     found, path = small
     monkeypatch.setattr("pdjax.infinite_lattice.atlas._record", lambda *_: pytest.fail("computed again"))
     again = pd.model_atlas(SOME, dims=(1,), N=(3,), save=path, show_progress=False)
@@ -90,8 +91,9 @@ def test_command_line(tmp_path, capsys):
     assert main(["atlas", "--models", "none such", "--out", str(out)]) == 2
 
 
-def test_cures_of_seth_hill():
-    """In compression m = 1 fails at once, and with any of the three controls only where the law itself does."""
+def test_zero_energy_controls_move_the_critical_load_of_seth_hill_to_that_of_the_law():
+    """Without a control, m = 1 is unstable in compression at any load. With any of the three controls it becomes
+    unstable at the critical load of the classical law."""
     fam = pd.lattice_family(2, 3)
     own = float(pd.critical_load(pd.Correspondence(LAW), fam, criterion="local"))
     assert own == pytest.approx(-0.1835034, abs=1e-7)
@@ -100,7 +102,7 @@ def test_cures_of_seth_hill():
 
 
 def test_a_map_of_any_model_of_one_parameter():
-    """Strength against load, as single states have it; the law's way and the model's way are one."""
+    """A map over the strength of a control and the load has the margins of single states."""
     strengths, loads = np.array([0.0, 0.1]), np.array([-0.02, 0.01])
     grid = pd.stability_map(
         strengths, loads, dim=1, model=lambda g: pd.SethHill(1.0, LAW, pd.SillingControl(g)), show_progress=False

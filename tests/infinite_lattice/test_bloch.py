@@ -1,7 +1,7 @@
-"""The symbol against patch sums, periodic bodies, the NumPy reference and the energy of affine maps.
+"""Tests of the symbol against sums over patches, periodic bodies, the NumPy reference and the energy of affine maps.
 
-The NumPy peers of the symbol and of its quotient live here too; the tests of zone and criteria import them.
-Beside each tolerance: the largest error measured (float64).
+`Peer` is an independent NumPy implementation of the symbol and of its quotient. The tests of the zone and of the
+criteria import it. The comment beside a tolerance is the largest measured error (float64).
 """
 
 import itertools
@@ -29,7 +29,7 @@ compiled, center_block = eqx.filter_jit(pd.symbol), eqx.filter_jit(pd.center_blo
 
 
 def symbol(model, fam, F, k):
-    """`pd.symbol` at k (waves, dim), four waves a call: one compiled function for each class of model and family."""
+    """`pd.symbol` at k (waves, dim), four waves in each call, so that each class of model compiles once."""
     parts = np.array_split(k, range(4, len(k), 4))
     padded = [np.concatenate([part, part[:1].repeat(4 - len(part), axis=0)]) for part in parts]
     return np.concatenate([compiled(model, fam, F, part) for part in padded])[: len(k)]
@@ -39,12 +39,12 @@ def symbol(model, fam, F, k):
 
 
 def seth_hill_state(dim, N, m, lam=LAM, mu=MU, omega=None):
-    """(X, u) → the centre's neighbours and its T, of the reference."""
+    """The function (X, u) → neighbours of the centre and its T, computed by the reference."""
     return lambda X, u: ref.seth_hill_states(X, np.ones(len(X)), N, u, m, lam, mu, omega, points=[0])[0]
 
 
 def correspondence_state(dim, N, lam=LAM, mu=MU, omega=None):
-    """The same of the original correspondence model, St. Venant–Kirchhoff law."""
+    """The same for the original correspondence model with the St. Venant–Kirchhoff law."""
     return lambda X, u: ref.correspondence_states(X, np.ones(len(X)), N, u, lam, mu, omega, points=[0])[0]
 
 
@@ -85,14 +85,15 @@ class Peer:
         return self.top(k) / (self.M * np.sum((2 * np.sin(np.atleast_2d(k) / 2)) ** 2, axis=1))
 
     def long_wave(self, direction):
-        """The limit k → 0 of the quotient: the acoustic tensor of P(F) = Σ T⊗ξ, contracted from C."""
+        """The limit k → 0 of the quotient, from the acoustic tensor of P(F) = Σ T⊗ξ, contracted from C."""
         n = np.atleast_2d(direction) / np.linalg.norm(np.atleast_2d(direction), axis=1, keepdims=True)
         x = n @ self.xi.T
         acoustic = np.einsum("kb,bicj,kc->kij", x, self.C, x, optimize=True)
         return -np.linalg.eigvalsh((acoustic + acoustic.swapaxes(1, 2)) / 2)[:, 0] / self.M
 
     def supremum(self, value, intervals, kept=24):
-        """(max, k) of `quotient` or `top` over the zone: a fine grid, then finer stencils around its best points."""
+        """(max, k) of `quotient` or `top` over the zone, on a fine grid and then on finer stencils around its best
+        points."""
         dim = self.xi.shape[1]
         axis = np.pi * np.arange(-intervals, intervals + 1) / intervals
         k = np.stack(np.meshgrid(axis[intervals:], *[axis] * (dim - 1), indexing="ij"), axis=-1).reshape(-1, dim)
@@ -134,7 +135,7 @@ def waves(dim, *key, count=4):
 
 
 def difference(a, b):
-    """The largest difference over the largest size."""
+    """The largest difference, relative to the largest entry of b."""
     return float(np.max(np.abs(np.asarray(a) - np.asarray(b))) / np.max(np.abs(np.asarray(b))))
 
 
@@ -142,7 +143,7 @@ def difference(a, b):
 
 
 class FarState(pd.PointStateModel):
-    """T = ω (¾ Z_here + ¼ Z_there) ξ of two correspondence states: a bond that needs the state of its other end."""
+    """T = ω (¾ Z_here + ¼ Z_there) ξ with the correspondence states of both ends of the bond."""
 
     base: pd.Correspondence
     hyperelastic = False
@@ -159,7 +160,7 @@ ALL = {**KINDS, "far state": FarState(pd.Correspondence(LINEAR))}
 
 
 def patch_body(dim, rings):
-    """A box of as many horizons around its centre: families, positions from the centre, the centre's index."""
+    """A box that reaches `rings` horizons from its centre: families, positions relative to the centre, its index."""
     N, influence = FAMILY[dim]
     body = pd.lattice((2 * int(max(rings, 2) * N) + 1,) * dim)
     centre = len(body) // 2
@@ -168,8 +169,8 @@ def patch_body(dim, rings):
 
 @eqx.filter_jit
 def patch_blocks(model, fams, X, centre, F):
-    """J⟨η⟩ = ∂f(X)/∂u(X + η) at the centre of the patch by autodiff of its force density at u = (F − I) X."""
-    mode = jax.jacfwd if X.shape[1] < 3 else jax.jacrev  # 1029 columns of 343 points would take gigabytes
+    """J⟨η⟩ = ∂f(X)/∂u(X + η) at the centre of the patch, by autodiff of its force density at u = (F − I) X."""
+    mode = jax.jacfwd if X.shape[1] < 3 else jax.jacrev  # In 3D, 1029 columns for 343 points would take gigabytes.
     u = X @ (F - jnp.eye(X.shape[1])).T
     return mode(lambda v: pd.force_density(model, fams, v)[centre])(u)
 
@@ -182,7 +183,7 @@ CASES += [("seth_hill m=0", 3), ("correspondence neo-hookean", 3)]
 
 @pytest.mark.parametrize(("name", "dim"), CASES)
 def test_symbol_is_the_sum_over_a_patch(name, dim):
-    """Ĵ(k) = Σ_η J⟨η⟩ e^{ik·η} with J⟨η⟩ from a finite body; any F and k, three influence functions."""
+    """Ĵ(k) = Σ_η J⟨η⟩ e^{ik·η}, with J⟨η⟩ from a finite body, for random F and k and three influence functions."""
     model, (N, influence), (fams, X, centre) = ALL[name], FAMILY[dim], patch_body(dim, ALL[name].rings)
     F, k = gradient(dim, 0.12, 2), waves(dim, 2)
     blocks = np.moveaxis(patch_blocks(model, fams, X, centre, F), 0, 1)
@@ -194,7 +195,7 @@ def test_symbol_is_the_sum_over_a_patch(name, dim):
 @pytest.mark.parametrize(("dim", "N"), [(1, 3), (2, 2), (3, 1.5)])
 @pytest.mark.parametrize("m", [0.0, 1.0, -0.7, None])
 def test_symbol_is_that_of_the_reference(dim, N, m):
-    """The patch sum of complex steps in NumPy; m None: the original correspondence model."""
+    """The reference sums a patch of complex steps in NumPy. m = None is the original correspondence model."""
     model = pd.Correspondence(LINEAR) if m is None else pd.SethHill(m, LINEAR)
     omega = PEER_INFLUENCE[dim]
     F, k = gradient(dim, 0.12, 3), waves(dim, 3)
@@ -226,7 +227,7 @@ def test_symbol_is_that_of_the_reference(dim, N, m):
     ],
 )
 def test_periodic_body_has_the_symbols_spectrum(name, shape):
-    """All eigenvalues of the dense Jacobian under F, and those of Ĵ at the allowed k = 2π n/(h shape)."""
+    """The eigenvalues of the dense Jacobian under F are those of Ĵ at the allowed k = 2π n/(h shape)."""
     dim, h, model = len(shape), 0.5, MODELS[name]
     N = FAMILY[dim][0]
     F = gradient(dim, 0.1, 4)
@@ -236,7 +237,7 @@ def test_periodic_body_has_the_symbols_spectrum(name, shape):
     J = np.asarray(symbol(model, pd.lattice_family(dim, N, h, pd.gaussian_influence), F, k))
     expected = np.sort(np.linalg.eigvalsh(J).reshape(-1))
     assert difference(np.linalg.eigvalsh((dense + dense.T) / 2), expected) < 1e-12  # 2e-15
-    # and the eigenvectors: a plane wave goes into itself
+    # The Jacobian maps a plane wave to a plane wave.
     positions = pd.lattice(shape, h).positions
     e = random(5).normal(size=dim)
     wave = np.exp(1j * positions @ k[5])[:, None] * e
@@ -252,7 +253,7 @@ BY_ENERGY = [n for n, m in KINDS.items() if m.hyperelastic and "only" not in n a
 
 @pytest.mark.parametrize("name", BY_ENERGY)
 def test_fast_path_is_the_general_path(name):
-    """b, g, r of the point state against V ∂T/∂η of the energy alone."""
+    """The symbol from b, g and r of the point state equals that from V ∂T/∂η of the energy."""
     fam = pd.lattice_family(2, 2, influence=pd.inverse_distance_influence)
     F, k = gradient(2, 0.12, 6), waves(2, 6)
     assert difference(symbol(MODELS[name], fam, F, k), symbol(EnergyOnly(MODELS[name]), fam, F, k)) < 1e-12  # 6e-16
@@ -260,8 +261,8 @@ def test_fast_path_is_the_general_path(name):
 
 @pytest.mark.parametrize("name", ["seth_hill user law", "correspondence neo-hookean", "seth_hill m=1, energy only"])
 @given(seed=st.integers(0, 2**32 - 1))
-def test_symbol_vanishes_at_rest_of_the_wave_and_is_symmetric_and_even(name, seed):
-    """Ĵ(0) = 0, Ĵ = Ĵᵀ, Ĵ(−k) = Ĵ(k) = Ĵ(k + 2π n/h), for any F and k."""
+def test_symbol_is_zero_at_the_zero_wave_vector_symmetric_and_even(name, seed):
+    """Ĵ(0) = 0, Ĵ = Ĵᵀ and Ĵ(−k) = Ĵ(k) = Ĵ(k + 2π n/h) for any F and k."""
     rng = np.random.default_rng(seed)
     fam = pd.lattice_family(2, 2, 0.5)
     F, k = np.eye(2) + 0.1 * rng.uniform(-1, 1, (2, 2)), rng.uniform(-6, 6, 2)
@@ -273,8 +274,8 @@ def test_symbol_vanishes_at_rest_of_the_wave_and_is_symmetric_and_even(name, see
     assert np.max(np.abs(J[1:3] - J[0])) < 1e-12 * size  # 5e-15
 
 
-def test_batches_of_waves_and_vmaps_are_loops():
-    """k of any leading shape; vmap over F, m, a law's constant and k; all equal one by one."""
+def test_batched_and_vmapped_symbols_equal_a_loop():
+    """k has any leading shape, and vmap runs over F, m, a constant of the law and k."""
     fam, k = pd.lattice_family(2, 2), waves(2, 7)
     F = np.stack([gradient(2, 0.1, 7, i) for i in range(3)])
     ms, lams = jnp.array([-0.4, 0.0, 1.2]), jnp.array([0.1, 1.0, 3.0])
@@ -295,7 +296,7 @@ def test_batches_of_waves_and_vmaps_are_loops():
 
 
 def test_spacing_scales_the_symbol():
-    """With lengths in units of h, Ĵ(k/h) h² is the same: the horizon is a length, N a ratio."""
+    """Ĵ(k/h) h² does not depend on the spacing h."""
     F, k, model = gradient(2, 0.1, 8), waves(2, 8), MODELS["seth_hill m=0"]
     one = symbol(model, pd.lattice_family(2, 2, 1.0, pd.gaussian_influence), F, k)
     fine = symbol(model, pd.lattice_family(2, 2, 1e-3, pd.gaussian_influence), F, k * 1e3)
@@ -304,7 +305,7 @@ def test_spacing_scales_the_symbol():
 
 @pytest.mark.parametrize("dim", [1, 2, 3])
 def test_centre_block_is_the_mean_of_the_symbol(dim):
-    """D = ∂f(X)/∂x(X) is J⟨0⟩: the mean of Ĵ over a grid finer than its harmonics (2N)."""
+    """D = ∂f(X)/∂x(X) is the mean of Ĵ over a grid that resolves its highest harmonic, 2N."""
     N, model = FAMILY[dim][0], MODELS["seth_hill m=-0.7"]
     fam, F = pd.lattice_family(dim, N), gradient(dim, 0.1, 9)
     axis = 2 * np.pi * np.arange(4 * int(N) + 1) / (4 * int(N) + 1)
@@ -319,8 +320,8 @@ def test_centre_block_is_the_mean_of_the_symbol(dim):
 @pytest.mark.parametrize(
     ("name", "dim"), [("seth_hill m=-0.7", 2), ("correspondence neo-hookean", 2), ("seth_hill m=-0.7", 3)]
 )
-def test_long_waves_see_the_energy_of_affine_maps(name, dim):
-    """Ĵ(tN)/t² → −N·∂²W·N as t → 0; criterion "affine" has its largest eigenvalue and is the margin's limit."""
+def test_long_wave_limit_of_the_symbol_is_the_acoustic_tensor_of_affine_maps(name, dim):
+    """Ĵ(tN)/t² → −N·∂²W·N as t → 0. The criterion "affine" is the largest eigenvalue of this limit."""
     model, fam, F = MODELS[name], pd.lattice_family(dim, FAMILY[dim][0]), gradient(dim, 0.1, 10)
     I = np.eye(dim)
 
@@ -370,7 +371,7 @@ def test_wrong_use_names_the_argument(change, named):
         pd.symbol(**use)
 
 
-def test_traced_nonsense_raises_at_run_time():
+def test_a_traced_negative_determinant_raises_at_run_time():
     fam = pd.lattice_family(1, 2)
     call = eqx.filter_jit(partial(pd.symbol, MODELS["seth_hill m=1"], fam))
     with pytest.raises(Exception, match="det F > 0"):

@@ -1,6 +1,7 @@
-"""The Brillouin zone's grid and search: exact corners, folding by symmetry, screens, climbs, resolution.
+"""Tests of the grid and the search of the Brillouin zone.
 
-Beside each tolerance: the largest error measured (float64).
+A **corner** is a half-reciprocal point: a wave vector with components 0 or π. To **fold** the zone is to reduce it by
+symmetry. The comment beside a tolerance is the largest measured error (float64).
 """
 
 import functools
@@ -26,7 +27,7 @@ from pdjax.infinite_lattice.cosine_series import Forms
 
 
 def fold(index, symmetry):
-    """The representative of integer wave vectors under ±, and what else the symmetry allows."""
+    """The representative of integer wave vectors under inversion and the given symmetry."""
     if symmetry == "inversion":
         return index
     index = np.abs(index)
@@ -42,7 +43,8 @@ GRIDS = list(itertools.product((1, 2, 3), (2, 3, 8, 25), zone.SYMMETRIES))
 
 @pytest.mark.parametrize(("dim", "intervals", "symmetry"), GRIDS)
 def test_grid_holds_one_of_every_orbit_and_the_half_reciprocal_points_exactly(dim, intervals, symmetry):
-    """Integer wave vectors −n < i ≤ n, up to inversion and the symmetry; components 0 and π are exactly that."""
+    """The grid holds the integer wave vectors −n < i ≤ n up to inversion and the symmetry. Its components 0 and π are
+    exact."""
     z = zone.brillouin_zone(dim, intervals, symmetry)
     index = np.rint(z.grid / z.step).astype(int)
     assert np.max(np.abs(z.grid - index * z.step)) < 1e-15  # 4e-16
@@ -58,7 +60,7 @@ def test_grid_holds_one_of_every_orbit_and_the_half_reciprocal_points_exactly(di
 
 
 @pytest.mark.parametrize(("dim", "intervals", "symmetry"), GRIDS)
-def test_classes_share_the_grid_out_by_nearest_corner_and_sign(dim, intervals, symmetry):
+def test_every_grid_point_is_in_one_class_of_equal_nearest_corner_and_signs(dim, intervals, symmetry):
     z = zone.brillouin_zone(dim, intervals, symmetry)
     assert np.array_equal(np.unique(z.members), np.arange(len(z.grid)))
     counted = np.zeros(len(z.grid), dtype=int)
@@ -83,7 +85,7 @@ def test_half_reciprocal_points():
 
 @pytest.mark.parametrize("dim", [1, 2, 3])
 def test_directions_cover_half_a_sphere_with_the_axes(dim):
-    """Unit vectors, none opposite another; the gap between neighbours is small."""
+    """They are unit vectors, no two are opposite, and every direction is within 11 degrees of one of them."""
     n = zone.directions(dim)
     assert np.max(np.abs(np.linalg.norm(n, axis=1) - 1)) < 1e-15  # 2e-16
     overlap = n @ n.T
@@ -109,7 +111,7 @@ def test_directions_cover_half_a_sphere_with_the_axes(dim):
     ],
 )
 def test_folding_keeps_every_eigenvalue(dim, N, stretches, symmetry):
-    """λ_max of the NumPy peer at every wave vector of the whole grid is that of its image on the folded one."""
+    """λ_max of the NumPy peer is the same at every wave vector of the whole grid and at its image on the folded one."""
     F, n = np.diag(stretches), 8
     whole, folded = (zone.brillouin_zone(dim, n, s) for s in ("inversion", symmetry))
     assert len(folded.grid) < 0.7 * len(whole.grid)
@@ -118,7 +120,7 @@ def test_folding_keeps_every_eigenvalue(dim, N, stretches, symmetry):
     peer = Peer(dim, N, F, seth_hill_state(dim, N, 0.3))
     assert difference(peer.top(image), peer.top(whole.grid)) < 1e-13  # 2e-15
     sheared = Peer(dim, N, F + 0.3 * np.eye(dim, k=1), seth_hill_state(dim, N, 0.3))
-    assert difference(sheared.top(image), sheared.top(whole.grid)) > 0.1  # so this test can fail
+    assert difference(sheared.top(image), sheared.top(whole.grid)) > 0.1  # A sheared lattice has no such symmetry.
 
 
 def test_kept_symmetry_is_read_off_a_concrete_deformation():
@@ -140,7 +142,7 @@ def test_kept_symmetry_is_read_off_a_concrete_deformation():
 
 
 def test_uneven_bonds_are_searched_over_the_whole_zone():
-    """Half the weight on the bonds near one axis, or near the other: the same margin, the wave vector turned."""
+    """Halving the weight of the bonds near one axis or near the other gives one margin and a turned wave vector."""
     fam, model = pd.lattice_family(2, 2), pd.SethHill(0.8, pd.LinearElastic(1.0, 1.0))
     x, y = np.abs(np.asarray(fam.xi)).T
     found = [
@@ -149,7 +151,7 @@ def test_uneven_bonds_are_searched_over_the_whole_zone():
     first, second = (np.asarray(s.wave_vector) for s in found)
     assert abs(float(found[0].margin) - float(found[1].margin)) < 1e-12  # 4e-17
     assert np.max(np.abs(np.abs(first) - np.abs(second[::-1]))) < 1e-6  # 0
-    assert abs(abs(first[0]) - abs(first[1])) > 1  # not on the diagonal: a folded zone would have missed one
+    assert abs(abs(first[0]) - abs(first[1])) > 1  # Not on the diagonal, so that a folded zone would miss one.
 
 
 # ---------------------------------------------------------------- eigenvalues: screen and verdict
@@ -157,7 +159,7 @@ def test_uneven_bonds_are_searched_over_the_whole_zone():
 
 @given(seed=st.integers(0, 2**32 - 1), dim=st.integers(1, 3))
 def test_closed_form_eigenvalue_of_simple_roots(seed, dim):
-    """Well separated roots: to rounding of the cubic formula."""
+    """For well separated roots the closed form is accurate to rounding."""
     rng = np.random.default_rng(seed)
     Q = np.linalg.qr(rng.normal(size=(dim, dim)))[0]
     values = np.array([1.0, -0.7, 0.2])[:dim] + rng.uniform(-0.2, 0.2, dim)
@@ -169,7 +171,7 @@ def test_closed_form_eigenvalue_of_simple_roots(seed, dim):
 @pytest.mark.parametrize("split", [0.0, 1e-12, 1e-8])
 @pytest.mark.parametrize("values", [(1.0, 1.0, -0.5), (1.0, -0.5, -0.5), (2.0, 2.0, 2.0), (0.0, 0.0, 0.0)])
 def test_closed_form_eigenvalue_loses_half_the_digits_at_double_roots_only(values, split):
-    """2×2 and 3×3 in general position: never worse than √eps, finite everywhere."""
+    """For randomly turned 2×2 and 3×3 matrices the error is never worse than √eps, and the value is finite."""
     rng = random(2)
     for dim in (2, 3):
         for _ in range(20):
@@ -181,8 +183,8 @@ def test_closed_form_eigenvalue_loses_half_the_digits_at_double_roots_only(value
             assert abs(float(zone.top_pair(jnp.asarray(A))[0]) - roots.max()) < 1e-14  # 2e-15
 
 
-def test_multiples_of_the_identity_have_an_eigenvalue():
-    """0/0 in the cubic formula: a NaN there once made the tolerance NaN and the verdict "marginal"."""
+def test_largest_eigenvalue_of_a_multiple_of_the_identity_is_exact():
+    """The cubic formula has 0/0 there. Its NaN once made the tolerance NaN and the verdict "marginal"."""
     for size in (0.0, 1e-200, -3.0, 1e200):
         A = [[jnp.asarray(size * (i == j)) for j in range(3)] for i in range(3)]
         assert float(zone.largest_eigenvalue(A)) == size
@@ -191,8 +193,8 @@ def test_multiples_of_the_identity_have_an_eigenvalue():
     assert s.verdict == "unstable" and abs(float(s.margin) - 0.625) < 1e-12  # 3e-16
 
 
-def test_screen_of_symbols_is_that_of_their_eigenvalues():
-    """`components` and the closed form against eigh of the NumPy peer's symbols, double roots at corners included."""
+def test_screened_eigenvalues_of_symbols_equal_those_of_eigh():
+    """`components` and the closed form agree with eigh of the NumPy peer, also at the double roots of the corners."""
 
     for dim, N, grid in ((1, 3, 24), (2, 3, 16), (3, 1.5, 8)):
         F = 0.9 * np.eye(dim)
@@ -218,7 +220,7 @@ def test_class_starts_are_the_best_of_each_class():
 
 
 def cone(x):
-    """[[x, y], [y, −x]] − |x|² with its derivatives: λ_max = |x| − |x|²."""
+    """[[x, y], [y, −x]] − |x|² I with its derivatives, so that λ_max = |x| − |x|²."""
     eye, spread = np.eye(2), np.array([[[1.0, 0], [0, -1]], [[0, 1], [1, 0]]])
     A = jnp.einsum("...a,aij->...ij", x, spread) - jnp.sum(x**2, axis=-1)[..., None, None] * eye
     A1 = spread - 2 * x[..., :, None, None] * eye
@@ -229,7 +231,7 @@ def cone(x):
 
 @pytest.mark.parametrize("start", [(0.7, 0.2), (0.05, -0.03), (-0.4, 0.9)])
 def test_climb_over_a_crossing_of_eigenvalues(start):
-    """λ_max = |x| − |x|² of a cone: a ring of maxima ¼ around the double root at 0, where it has no derivative."""
+    """λ_max = |x| − |x|² has a ring of maxima ¼ around the double root at 0, where it has no derivative."""
     v = np.linalg.eigh(np.asarray(cone(jnp.asarray(start)).A))[1][:, -1]
     x, v, q = climb(cone, jnp.asarray(start), jnp.asarray(v), 0.1)
     assert abs(float(q) - 0.25) < 1e-15  # 6e-17
@@ -238,7 +240,7 @@ def test_climb_over_a_crossing_of_eigenvalues(start):
 
 
 def test_the_derivatives_of_a_climb_are_those_of_the_quotient():
-    """Gradient and Hessian over (x, v), written out in `climb`, against autodiff of the quotient itself."""
+    """The gradient and Hessian over (x, v) that `climb` computes agree with autodiff of the quotient."""
     draw = np.random.default_rng(2)
     offsets = cosine_series.reached(2, 8, 2)
     sums = cosine_series.Series.of(jnp.asarray(draw.normal(size=(1, len(offsets), 3))), offsets)
@@ -274,7 +276,7 @@ def test_a_climb_that_meets_nan_stays_where_it_was():
 @pytest.mark.parametrize(("dim", "N"), [(1, 3), (2, 2.3), (3, 1.5)])
 @pytest.mark.parametrize("name", ["seth_hill", "silling", "littlewood", "bond_level", "energy_alone"])
 def test_the_cosine_series_is_the_symbol(name, dim, N, law):
-    """Every kind of tangent, folded to one series: the same symbol at any wave vector, short and long."""
+    """The series of every kind of tangent gives the symbol at short and at long waves."""
     model = {
         "seth_hill": pd.SethHill(0.3, law),
         "silling": pd.Correspondence(law, pd.SillingControl(1.0)),
@@ -301,7 +303,7 @@ def test_the_cosine_series_is_the_symbol(name, dim, N, law):
 
 
 class EnergyAlone(pd.AbstractModel):
-    """Springs, and a square of a sum, by an energy alone: the dense tangent."""
+    """Springs and the square of a sum, defined by an energy alone, so that the tangent is dense."""
 
     def energy(self, bonds):
         growth = jnp.sum((bonds.xi + bonds.eta) ** 2, -1) - jnp.sum(bonds.xi**2, -1)
@@ -316,7 +318,7 @@ def hydrostatic(a):
     return (1 + a) * np.eye(2)
 
 
-# (m, F, λ, μ), 2D, N = 3: flat and narrow valleys by the half-reciprocal points, near ties, limits k → 0
+# (m, F, λ, μ) in 2D with N = 3: flat and narrow maxima near half-reciprocal points, near ties, and limits k → 0.
 STATES = {
     "flat -1e-2": (-0.5, hydrostatic(-1e-2), 1.0, 1.0),
     "flat -1e-4": (-0.5, hydrostatic(-1e-4), 1.0, 1.0),
@@ -336,7 +338,7 @@ STATES = {
 
 @functools.cache
 def searched(resolution):
-    """{state: (margin, eigenvalue, tolerance)} of `pd.stability`, compiled once; F is traced, so nothing is folded."""
+    """{state: (margin, eigenvalue, tolerance)} of `pd.stability`, compiled once. F is traced, so the zone is whole."""
     fam = pd.lattice_family(2, 3)
 
     def one(m, F, lam, mu):
@@ -349,15 +351,15 @@ def searched(resolution):
 
 @pytest.mark.parametrize("name", STATES)
 def test_default_resolution_has_six_digits(name):
-    """Margin and largest eigenvalue at 24 intervals, at 48, and of the NumPy peer's own search."""
+    """Margin and largest eigenvalue agree at 24 intervals, at 48 intervals, and in the search of the NumPy peer."""
     m, F, lam, mu = STATES[name]
     (margin, value, tolerance), (finer, finer_value, _) = searched(None)[name], searched(48)[name]
     peer = Peer(2, 3, F, seth_hill_state(2, 3, m, lam, mu))
     exact = max(peer.supremum(peer.quotient, 64)[0], peer.long_wave_supremum()[0])
-    assert abs(margin / exact - 1) < 1e-6  # 2e-14 where it is not missed
+    assert abs(margin / exact - 1) < 1e-6  # 2e-14
     assert abs(margin / finer - 1) < 1e-6  # 2e-15
     if margin > tolerance:
-        assert abs(value / peer.supremum(peer.top, 64)[0] - 1) < 1e-6  # 3e-15 where it is not missed
+        assert abs(value / peer.supremum(peer.top, 64)[0] - 1) < 1e-6  # 3e-15
         assert abs(value / finer_value - 1) < 1e-6  # 3e-15
 
 

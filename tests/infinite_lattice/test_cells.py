@@ -1,4 +1,4 @@
-"""The symbol of cells of several points: against the symbol, folded spectra, Jacobians of big periodic bodies."""
+"""Tests of the symbol of cells of several points against the symbol of a lattice and Jacobians of periodic bodies."""
 
 import bodies
 import equinox as eqx
@@ -26,7 +26,7 @@ def hermitian(J):
 
 @pytest.mark.parametrize("name", ["seth_hill m=-0.7", "bond_level average", "bond_associated force"])
 def test_a_cell_of_one_point_has_the_symbol(name):
-    """Every kind of model; the cell is smaller than its horizon: a point is its own neighbour, many times."""
+    """The cell is smaller than its horizon, so that a point is its own neighbour several times."""
     fams = pd.cell_families(pd.lattice((1, 1), 0.5, periodic=True), 0.75, INFLUENCE)
     fam, k = pd.lattice_family(2, 1.5, 0.5, INFLUENCE), bodies.random(82).uniform(-6, 6, (5, 2))
     exact = symbol(MODELS[name], fam, jnp.asarray(F), k)
@@ -35,7 +35,7 @@ def test_a_cell_of_one_point_has_the_symbol(name):
 
 @pytest.mark.parametrize("name", ["seth_hill m=-0.7", "bond_level average"])
 def test_a_supercell_has_the_folded_spectra(name):
-    """2 × 3 points of one lattice: the eigenvalues at k are those of the symbol at k + 2π (i/2, j/3)/h."""
+    """For 2 × 3 points of one lattice the eigenvalues at k are those of the symbol at k + 2π (i/2, j/3)/h."""
     h = 0.5
     fams = pd.cell_families(pd.lattice((2, 3), h, periodic=True), 1.5 * h, INFLUENCE)
     k = bodies.random(83).uniform(-3, 3, (3, 2))
@@ -51,7 +51,7 @@ def test_a_supercell_has_the_folded_spectra(name):
 
 
 def jittered(repeats=1):
-    """Four points in a cell of period 2, unequal volumes, repeated along both axes: cell by cell."""
+    """Four points of unequal volumes in a cell of period 2, repeated along both axes in the order of the cells."""
     rng = bodies.random(84)
     X = pd.lattice((2, 2)).positions + 0.15 * rng.uniform(-1, 1, (4, 2))
     volumes = rng.uniform(0.8, 1.2, 4)
@@ -70,7 +70,7 @@ JITTERED = ["far state", "sub_horizon", "bond_associated force", *GRADED]
 
 @pytest.mark.parametrize("name", JITTERED)
 def test_a_jittered_cell_has_the_spectrum_of_the_big_body(name):
-    """V^½ J V^−½ of 3 × 3 cells on every plane wave of theirs, with a periodic displacement on top of F."""
+    """V^½ J V^−½ of 3 × 3 cells maps each of its plane waves as `cell_symbol` does, with displacements beside F."""
     repeats, u = 3, 0.05 * bodies.random(85).normal(size=(4, 2))
     model, big_model = (MODELS.get(name, FAR),) * 2
     if name in GRADED:
@@ -85,11 +85,11 @@ def test_a_jittered_cell_has_the_spectrum_of_the_big_body(name):
     J = root[:, None] * J / root
     size = np.abs(J).max()
     for wave, block in zip(k, blocks, strict=True):
-        own = np.tile(np.eye(8), (repeats**2, 1))  # a degree of freedom of the cell, in every cell
+        own = np.tile(np.eye(8), (repeats**2, 1))  # Column j moves degree of freedom j of every cell.
         phase = np.repeat(np.exp(1j * big.positions @ wave), 2)[:, None]
         U = phase * own
         assert worst(J @ U, U @ block) / size < 1e-12  # 4e-15
-    if model.hyperelastic or model is FAR:  # its forces, not its states, are those of an energy
+    if model.hyperelastic or model is FAR:  # The force density of FAR derives from an energy.
         assert hermitian(blocks) < 1e-13  # 4e-16
     else:
         assert hermitian(blocks) > 1e-3  # 0.08
@@ -107,12 +107,12 @@ def test_relaxed_balances_a_jittered_cell_and_leaves_a_lattice_alone():
     assert worst(pd.relaxed(model, lattice, F)) < 1e-14  # 0
     assert worst(pd.relaxed(model, pd.cell_families(pd.lattice((1, 1), periodic=True), 1.6), F)) == 0
     with pytest.raises(ValueError, match="not balanced in 30 Newton steps"):
-        pd.relaxed(unstable, fams, F)  # its Jacobian at the affine state has an eigenvalue of +0.46
+        pd.relaxed(unstable, fams, F)  # Its Jacobian has an eigenvalue of +0.46.
 
 
 @pytest.mark.parametrize("name, verdict", [("correspondence svk", "marginal"), ("silling control", "stable")])
 def test_stability_of_a_cell_at_rest(name, verdict):
-    """Zero-energy modes of the lattice are seen through its cell of two points, too."""
+    """A cell of two points has the zero-energy modes of the lattice, and a control removes them."""
     model, body = MODELS[name], pd.lattice((2, 1), periodic=True)
     fams = pd.cell_families(body, 2.0)
     M = float(pd.p_wave_modulus(model, pd.lattice_family(2, 2)))
@@ -139,7 +139,7 @@ def test_stability_of_a_cell_at_rest(name, verdict):
         (pd.lattice((1, 1), periodic=True), 0.5, "neighbour|bonds|lonely"),
     ],
 )
-def test_cells_that_are_none_are_refused(body, horizon, named):
+def test_invalid_cells_are_refused(body, horizon, named):
     with pytest.raises(ValueError, match=named):
         pd.cell_families(body, horizon)
 

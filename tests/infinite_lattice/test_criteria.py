@@ -1,6 +1,6 @@
-"""Stability criteria against NumPy: brute force over waves, explicit quotients, closed forms, differences.
+"""Tests of the stability criteria against NumPy: brute force over waves, quotients, closed forms and differences.
 
-Beside each tolerance: the largest error measured (float64).
+The comment beside a tolerance is the largest measured error (float64).
 """
 
 import functools
@@ -29,7 +29,7 @@ FAMILIES = {1: 3, 2: 2, 3: 1.5}
 
 @eqx.filter_jit
 def judge(model, fam, F, names):
-    """{criterion: Stability}, all in one compiled function; F is traced, so that the zone is not folded."""
+    """{criterion: Stability}, all in one compiled function. F is traced, so that the whole zone is searched."""
     return {name: pd.stability(model, fam, F, name) for name in names}
 
 
@@ -49,7 +49,7 @@ HYDROSTATIC = {
 
 
 def check_waves(found, peer):
-    """The definition: sup over k ≠ 0 and the limit k → 0 of λ_max/(M κ²); what is reported belongs to a true wave."""
+    """The margin is the supremum over k ≠ 0 and the limit k → 0 of λ_max/(M κ²), and the reported wave is a mode."""
     over_waves, over_limits = peer.supremum(peer.quotient, 32)[0], peer.long_wave_supremum()[0]
     exact = max(over_waves, over_limits)
     assert abs(float(found.margin) - exact) < 1e-9 * max(abs(exact), 1e-2)  # 2e-15
@@ -59,7 +59,7 @@ def check_waves(found, peer):
     J = peer.symbol(k)[0]
     assert np.max(np.abs(J @ mode - value * mode)) < 1e-6 * np.max(np.abs(J)) + 1e-9  # 1e-14
     if exact > 0:
-        assert abs(value / peer.supremum(peer.top, 32)[0] - 1) < 1e-9  # 9e-15: the fastest growing wave
+        assert abs(value / peer.supremum(peer.top, 32)[0] - 1) < 1e-9  # 9e-15: the wave that grows fastest
     else:
         assert abs(peer.quotient(k)[0] - exact) < 1e-12  # 2e-16: the wave of the margin
     assert difference(np.abs(found.direction), np.abs(k) / np.linalg.norm(k)) < 1e-8  # 5e-10: k is turned into the zone
@@ -74,7 +74,7 @@ def test_margin_is_the_supremum_over_waves_and_the_limit(name):
 
 
 @pytest.mark.parametrize("dim", [1, 3])
-def test_margin_in_general_position(dim):
+def test_margin_under_a_general_deformation_is_the_supremum(dim):
     N = FAMILIES[dim]
     for i, m in enumerate((-0.7, 0.2, 1.5)):
         F = gradient(dim, 0.15, 20, i)
@@ -83,7 +83,7 @@ def test_margin_in_general_position(dim):
 
 
 def test_the_limit_of_long_waves_can_be_the_margin():
-    """Silling's model past the ellipticity of its law: a wave's sin² is below k², the limit wins."""
+    """Silling's model has it where its law is no longer elliptic. For long waves k² exceeds the sin² of a wave."""
     F = np.diag([0.5, 0.7])
     found = judge(pd.Correspondence(LINEAR), pd.lattice_family(2, 2), F, ("symbol", "affine"))
     peer = Peer(2, 2, F, correspondence_state(2, 2))
@@ -92,7 +92,7 @@ def test_the_limit_of_long_waves_can_be_the_margin():
     for name in ("symbol", "affine"):
         assert abs(float(found[name].margin) - exact) < 1e-12  # 2e-16
     assert peer.supremum(peer.quotient, 32)[0] < exact
-    # an unstable state reports its fastest wave, not the limit, which does not grow
+    # An unstable state reports its fastest wave. The limit k → 0 does not grow.
     fastest, k = peer.supremum(peer.top, 64)
     assert abs(float(found["symbol"].eigenvalue) / fastest - 1) < 1e-9  # 3e-16
     assert difference(np.abs(found["symbol"].wave_vector), np.abs(k)) < 1e-5  # 3e-9: flat at a maximum
@@ -100,27 +100,30 @@ def test_the_limit_of_long_waves_can_be_the_margin():
 
 
 def test_a_stable_state_can_have_its_margin_in_the_limit():
-    """A law that softens: P' = C F² + S is less than the stress that holds the short waves. No growth, no k."""
+    """The law softens, so that P' = C F² + S is below the stress that stabilises the short waves. The wave of the
+    margin then has λ = 0 and k = 0."""
     law = pd.EnergyLaw(lambda E, c: jnp.sum(E * E) / 2 - c * jnp.trace(E) ** 3, "E", jnp.array(0.6))
     F, E = 1.6**0.5, 0.3
     S, C = E - 3 * 0.6 * E**2, 1 - 6 * 0.6 * E
     found = judge(pd.SethHill(jnp.array(1.0), law), pd.lattice_family(1, 3), np.array([[F]]), ("symbol",))["symbol"]
-    assert C < 0 and abs(float(found.margin) + C * F**2 + S) < 1e-12  #
-    # rounding decides between the limit itself (k = 0) and a wave of |k| = 5e-9 next to it
+    assert C < 0 and abs(float(found.margin) + C * F**2 + S) < 1e-12
+    # Rounding decides between the limit (k = 0) and a wave of |k| = 5e-9 next to it.
     assert found.verdict == "stable" and np.abs(found.wave_vector).max() < 1e-6 and abs(float(found.eigenvalue)) < 1e-12
 
 
-def test_zero_energy_modes_are_marginal_and_thresholds_sit_on_the_line():
-    """Seth–Hill at rest; Silling's model at any stretch; 2D, N = 2, m = −1 in compression: the threshold itself."""
+def test_zero_energy_modes_and_threshold_orders_are_marginal():
+    """Seth–Hill models at rest and Silling's model at any stretch have zero-energy modes. In 2D with N = 2, m = −1 is
+    the threshold order in compression."""
     fam = pd.lattice_family(2, 2)
     states = [(seth_hill(m), 1.0) for m in (-1.0, 0.0, 1.0)] + [(pd.Correspondence(LINEAR), a) for a in (0.9, 1.0, 1.1)]
     for model, stretch in (*states, (seth_hill(-1.0), 0.99), (seth_hill(-1.0), 0.7)):
-        names = ("symbol",) if isinstance(model, pd.SethHill) else ("symbol", "affine")  # compiled already
+        names = ("symbol",) if isinstance(model, pd.SethHill) else ("symbol", "affine")  # These are compiled already.
         found = judge(model, fam, stretch * np.eye(2), names)["symbol"]
         assert found.verdict == "marginal"
         assert abs(float(found.margin)) < 1e-15 < float(found.tolerance)  # 2e-16
-        # waves that cost nothing: the half-reciprocal points, and for Silling's model all with Σ ξ sin k·ξ = 0, such
-        # as 3 sin k + 2 sin 2k = 0 along an axis, cos k = ¼ along an edge and cos k = −1/6 along the diagonal
+        # The zero-energy modes are the half-reciprocal points. Silling's model has in addition all waves with
+        # Σ ξ sin k·ξ = 0, such as 3 sin k + 2 sin 2k = 0 along an axis, cos k = ¼ along an edge and cos k = −1/6 along
+        # the diagonal.
         k, xi = np.asarray(found.wave_vector), np.asarray(fam.xi)
         corner = np.max(np.abs(k / np.pi - np.rint(k / np.pi)))
         unseen = isinstance(model, pd.Correspondence) and np.abs(np.sin(xi @ k) @ xi).max() < 1e-6  # 4e-16
@@ -136,7 +139,7 @@ def test_verdicts_of_batches_and_of_nan():
 
     batch = jax.jit(jax.vmap(look))(jnp.array([0.9, 1.0, 1.1]))
     assert batch.verdict.tolist() == ["unstable", "marginal", "stable"]
-    # a path may have no state at a load: its NaN is no verdict
+    # A path can have no state at a load. The margin is NaN there and the verdict "undefined".
     assert eqx.tree_at(lambda s: s.margin, batch, jnp.array([jnp.nan, 1.0, jnp.nan])).verdict.tolist() == [
         "undefined",
         "unstable",
@@ -162,7 +165,7 @@ cases = pytest.mark.parametrize(("dim", "kind", "influence"), CASES)
 
 @functools.cache
 def point_case(dim, kind, influence):
-    """(found, peer, w, unit) of one state for all criteria that look at a point; K₁₁/M is the unit of dT·dY."""
+    """(found, peer, w, unit) of one state for all criteria of a point. K₁₁/M is the unit of dT·dY."""
     N, (traced, omega) = FAMILIES[dim], INFLUENCES[influence]
     F = 0.93 * np.eye(dim) if kind == "hydrostatic" else gradient(dim, 0.12, 21)
     found = judge(seth_hill(0.6), pd.lattice_family(dim, N, 0.5, traced), F, AT_A_POINT)
@@ -173,7 +176,7 @@ def point_case(dim, kind, influence):
 
 @cases
 def test_diagonal_and_block(dim, kind, influence):
-    """D by complex steps of the reference's force at the moved centre (h = 1; D scales with 1/h², its unit too)."""
+    """They agree with D by complex steps of the force of the reference. D and its unit scale with 1/h²."""
     (found, peer, _, _), N = point_case(dim, kind, influence), FAMILIES[dim]
     X = ref.lattice_ball(dim, 2 * N)
     F = np.linalg.lstsq(peer.xi, peer.Y, rcond=None)[0].T
@@ -191,12 +194,12 @@ def test_diagonal_and_block(dim, kind, influence):
     if kind == "general":
         assert np.asarray(found["diagonal"].mode)[np.argmax(np.diag(D))] == 1
         assert abs(abs(np.asarray(found["block"].mode) @ vectors[:, -1]) - 1) < 1e-12  # 7e-16
-        assert values[-1] > np.diag(D).max() + 1e-3  # the block sees more than its diagonal
+        assert values[-1] > np.diag(D).max() + 1e-3  # The block exceeds its diagonal.
 
 
 @pytest.mark.parametrize("dim", [1, 2, 3])
 def test_hydrostatic_diagonal_and_continuum_are_the_closed_forms(dim):
-    """lattice_diagonal; and −2 S (1+a)^{2m−2} R γ(m) with R = 1 on unit bonds: zero at m_cr = 1 − d/2."""
+    """They are `lattice_diagonal`, and −2 S (1+a)^{2m−2} R γ(m) with R = 1 on unit bonds, zero at m_cr = 1 − d/2."""
     N, threshold = FAMILIES[dim], closed_forms.m_cr(dim)
     fam = pd.lattice_family(dim, N)
     assert threshold == 1 - dim / 2
@@ -217,25 +220,25 @@ def test_hydrostatic_diagonal_and_continuum_are_the_closed_forms(dim):
 
 
 def quotient(peer, w, dY, unit):
-    """−dT·dY over Σ w|dY|², scaled."""
+    """−dT·dY over Σ w|dY|², in units of M/K₁₁."""
     return -np.einsum("bi,bicj,cj->", dY, peer.C, dY) / np.sum(w[:, None] * dY**2) * unit
 
 
 def in_peer_order(field, dim, peer):
-    """A field on the package's bonds on the reference's."""
+    """A field on the bonds of the package, in the order of the bonds of the reference."""
     xi = np.asarray(pd.lattice_family(dim, FAMILIES[dim]).xi)
     return np.asarray(field)[[int(np.argmin(np.abs(xi - x).sum(axis=1))) for x in peer.xi]]
 
 
 @cases
 def test_material_centre_and_neighbour(dim, kind, influence):
-    """dT·dY of the reference's C, for every direction of the centre and of every neighbour that has weight."""
+    """They agree with dT·dY from C of the reference, over all directions of the centre and of every neighbour."""
     found, peer, w, unit = point_case(dim, kind, influence)
     centre = -np.linalg.eigvalsh(np.einsum("bicj->ij", peer.C))[0] / np.sum(w) * unit
     each = max(-np.linalg.eigvalsh(peer.C[b, :, b])[0] / w[b] * unit for b in np.flatnonzero(w > 1e-12))
     assert abs(float(found["material_center"].margin) - centre) < 1e-12  # 1e-16
     assert abs(float(found["material_neighbour"].margin) - each) < 1e-12  # 5e-16
-    # the modes are displacements whose own quotient is the margin
+    # The quotient of each mode is the margin.
     e = np.broadcast_to(-np.asarray(found["material_center"].mode), peer.xi.shape)
     assert abs(quotient(peer, w, e, unit) - centre) < 1e-12  # 1e-16
     dY = in_peer_order(found["material_neighbour"].mode, dim, peer)
@@ -257,7 +260,7 @@ def rigid_fields(peer):
 
 @cases
 def test_material_worst_case(dim, kind, influence):
-    """The generalised eigenproblem C z = −λ w z over dY that are w-orthogonal to rigid ones, on bonds of weight."""
+    """It agrees with the generalised eigenproblem C z = −λ w z over the dY that are w-orthogonal to rigid motions."""
     found, peer, w, unit = point_case(dim, kind, influence)
     live, rigid = np.repeat(w > 1e-12, dim), rigid_fields(peer)
     assert live.all() == (influence != "linear")
@@ -274,7 +277,7 @@ def test_material_worst_case(dim, kind, influence):
 
 
 def test_unit_and_rotations_of_the_material_test():
-    """A uniaxial strain at rest has −1. Under compression a rotation's own dT·dY is negative; it is not counted."""
+    """A uniaxial strain at rest has the margin −1. A rotation under compression has dT·dY < 0 and is excluded."""
     _, pressed, w, unit = point_case(2, "hydrostatic", "gaussian")
     rest = Peer(2, 2, np.eye(2), seth_hill_state(2, 2, 0.6, omega=INFLUENCES["gaussian"][1]))
     strained = np.stack([rest.xi[:, 0], np.zeros(len(w))], axis=1)
@@ -288,7 +291,7 @@ def test_unit_and_rotations_of_the_material_test():
 
 @cases
 def test_affine_is_the_ellipticity_of_the_energy_of_affine_maps(dim, kind, influence):
-    """−min over directions of N·∂²W·N, ∂²W contracted from the reference's C."""
+    """It is −min over directions N of λ_min(N·∂²W·N), with ∂²W contracted from C of the reference."""
     found, peer, _, _ = point_case(dim, kind, influence)
     exact, direction = peer.long_wave_supremum()
     assert abs(float(found["affine"].margin) - exact) < 1e-12  # 2e-16
@@ -350,7 +353,7 @@ def hencky_tangent(F, m, step=2e-3):
     ("dim", "law"), [(2, "m=1"), (2, "m=0"), (2, "m=-0.7"), (3, "m=1"), (3, "m=0"), (2, "svk"), (2, "neo-hookean")]
 )
 def test_local_is_the_classical_acoustic_tensor(dim, law):
-    """In closed form for m = 1 and laws of F; for other m against differences of the classical energy."""
+    """It agrees with closed forms for m = 1 and laws of F, and for other m with differences of the classical energy."""
     model, tangent = {
         "m=1": (seth_hill(1.0), svk_tangent),
         "m=0": (seth_hill(0.0), lambda F: hencky_tangent(F, 0.0)),
@@ -363,7 +366,7 @@ def test_local_is_the_classical_acoustic_tensor(dim, law):
     margin = acoustic_supremum(tangent(F), LAM + 2 * MU)
     tolerance = 1e-7 if law in ("m=0", "m=-0.7") else 1e-12
     assert abs(float(found.margin) - margin) < tolerance  # 9e-11 by differences, 2e-15 in closed form
-    if "m=" in law:  # and for Seth–Hill it is that of the family's affine maps for m = 1 alone
+    if "m=" in law:  # For Seth–Hill models "local" equals "affine" for m = 1 only.
         affine = judge(model, pd.lattice_family(dim, FAMILIES[dim]), F, AT_A_POINT)["affine"]
         gap = abs(float(affine.margin) - float(found.margin))
         assert gap < 1e-12 if law == "m=1" else gap > 1e-3  # 2e-16; 0.02 at least
@@ -372,7 +375,7 @@ def test_local_is_the_classical_acoustic_tensor(dim, law):
 # ---------------------------------------------------------------- derivatives
 
 SMOOTH = ("symbol", "block", "material", "affine")
-BACKWARD = 2  # how many of them in reverse mode too: it compiles slowly
+BACKWARD = 2  # The first two are tested in reverse mode too, which compiles slowly.
 LOADED = {"hydrostatic compression": 0.95 * np.eye(2), "hydrostatic tension": 1.05 * np.eye(2)}
 LOADED["general"] = gradient(2, 0.08, 25)
 PARAMETERS = np.array([0.8, LAM, MU, 0.6])  # m, λ, μ, width of the Gaussian influence in horizons
@@ -382,7 +385,7 @@ PARAMETERS = np.array([0.8, LAM, MU, 0.6])  # m, λ, μ, width of the Gaussian i
 def slopes():
     """Central differences of the margins in the parameters, and their derivatives by forward and reverse mode.
 
-    One compiled function, vmapped over states and shifted parameters: jit, vmap, jacfwd and jacrev together.
+    A single compiled function combines jit, vmap over states and shifted parameters, jacfwd and jacrev.
     """
 
     def margins(p, F, names=SMOOTH):
@@ -403,17 +406,17 @@ def slopes():
 @pytest.mark.parametrize("state", LOADED)
 @pytest.mark.parametrize("name", SMOOTH)
 def test_margins_differentiate_at_double_eigenvalues_too(name, state):
-    """In m, λ, μ and the width of the influence, forward and reverse, against central differences."""
+    """Forward and reverse derivatives in m, λ, μ and the width of the influence agree with central differences."""
     i, c = list(LOADED).index(state), SMOOTH.index(name)
     central, forward, reverse = (x[i] for x in slopes())
     assert np.max(np.abs(forward[c] - central[c])) < 1e-8  # 6e-10, of the difference
-    assert np.max(np.abs(forward[c])) > 1e-3  # 0.04 at least: nothing is differentiated away
+    assert np.max(np.abs(forward[c])) > 1e-3  # 0.04 at least, so that no derivative is lost
     if c < BACKWARD:
         assert np.max(np.abs(reverse[c] - forward[c])) < 1e-13  # 2e-16
 
 
 def test_hydrostatic_states_have_double_eigenvalues():
-    """What the test above is about: under tension at the margin's wave (π, π), where the symbol is a multiple of I."""
+    """The state of the test above is at a double eigenvalue: at its wave (π, π) the symbol is a multiple of I."""
     fam = pd.lattice_family(2, 2, influence=functools.partial(pd.gaussian_influence, width=PARAMETERS[3]))
     found = judge(seth_hill(*PARAMETERS[:3]), fam, LOADED["hydrostatic tension"], ("symbol",))["symbol"]
     k = np.asarray(found.wave_vector)
@@ -427,7 +430,7 @@ def test_hydrostatic_states_have_double_eigenvalues():
 
 
 def test_new_numbers_do_not_recompile():
-    """Orders, constants, deformations of the same symmetry, influences, spacings: one trace of a user's law."""
+    """New orders, constants, deformations of the same symmetry, influences and spacings do not trace the law again."""
     traces = []
 
     def counted(E, c):
@@ -450,10 +453,11 @@ def test_new_numbers_do_not_recompile():
 # ---------------------------------------------------------------- single precision
 
 
-def test_float32_says_what_it_can_not_resolve():
-    """The same verdicts beyond its tolerance, "marginal" within it, and a line about it; float64 has no such line."""
+def test_float32_reports_the_margins_that_it_cannot_resolve():
+    """The verdicts are those of float64 beyond the tolerance and "marginal" within it. Only float32 prints a line about
+    it."""
     judged = []
-    for wide, resolution in ((True, 10), (False, 12)):  # JAX keeps a grid's dtype: one grid for each
+    for wide, resolution in ((True, 10), (False, 12)):  # JAX keeps the dtype of a grid.
         with enable_x64(wide):
             fam, model = pd.lattice_family(1, 2), pd.SethHill(1.0, pd.LinearElastic(1.3, 0.7))
             judged.append(

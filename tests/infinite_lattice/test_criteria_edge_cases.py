@@ -1,4 +1,4 @@
-"""What a sceptical reader found wrong once: each stays mended."""
+"""Tests of errors that were found in the criteria and corrected."""
 
 import jax
 import jax.numpy as jnp
@@ -14,7 +14,7 @@ def orthotropic(E, c):
 
 
 def test_a_law_that_prefers_axes_is_searched_in_the_whole_zone():
-    """Hydrostatic F keeps the lattice cubic but not this law: its worst wave runs along y, not along x."""
+    """Under hydrostatic F the lattice is cubic but this law is not. Its worst wave runs along y, not along x."""
     fam = pd.lattice_family(2, 3)
     model = pd.SethHill(1.0, pd.EnergyLaw(orthotropic, "E", jnp.array([4.0, 0.2, 0.2, -0.8])))
     found = pd.stability(model, fam, 1.02 * jnp.eye(2))
@@ -24,7 +24,7 @@ def test_a_law_that_prefers_axes_is_searched_in_the_whole_zone():
     top = np.linalg.eigvalsh(np.asarray(pd.symbol(model, fam, 1.02 * jnp.eye(2), k)))[:, -1]
     dense = (top / (4 * np.sin(k / 2) ** 2).sum(axis=1)).max() / float(pd.p_wave_modulus(model, fam))
     assert found.verdict == "unstable" and abs(found.wave_vector[1]) > 1 > abs(found.wave_vector[0])
-    assert dense <= float(found.margin) < dense * 1.01  # the grid of 240 intervals is below by 0.1 %
+    assert dense <= float(found.margin) < dense * 1.01  # The grid of 240 intervals is 0.1 % lower.
     assert float(pd.critical_load(model, fam, side="positive")) < 0.02
 
 
@@ -40,8 +40,8 @@ def test_a_law_unstable_at_rest_is_refused(lam, mu):
             ask()
 
 
-def test_a_long_wave_margin_does_not_know_the_spacing():
-    """Its derivative in h is 0: both sides of the quotient scale alike."""
+def test_a_long_wave_margin_does_not_depend_on_the_spacing():
+    """Its derivative in h is 0, because both parts of the quotient scale with h in the same way."""
 
     def margin(h):
         model = pd.Correspondence(pd.LinearElastic(1.0, 1.0))

@@ -1,4 +1,4 @@
-"""Critical loads, the orders at which a side turns, and their derivatives, each against another route."""
+"""Tests of critical loads and of stable orders, and of their derivatives, against independent computations."""
 
 from functools import partial
 
@@ -15,7 +15,7 @@ STIFF = pd.LinearElastic(lam=3.0, mu=1.0)
 
 
 def brute_margin(model, fam, F, points=81):
-    """sup over a dense grid of λ_max(Ĵ)/(M κ²), NumPy's eigenvalues, half the zone."""
+    """sup of λ_max(Ĵ)/(M κ²) over a dense grid of half of the zone, with the eigenvalues of NumPy."""
     axis = np.linspace(-np.pi, np.pi, points)
     k = np.stack(np.meshgrid(np.linspace(0, np.pi, points // 2 + 1), axis, indexing="ij"), -1).reshape(-1, 2)
     k = k[np.abs(k).max(axis=1) > 1e-9]
@@ -46,8 +46,8 @@ def test_hydrostatic_diagonal_is_the_closed_form(dim, N):
         assert found == pytest.approx(exact, abs=1e-12)  # measured 1e-16
 
 
-def test_a_nonzero_symbol_load_is_where_a_dense_scan_turns():
-    """2D, N = 3, λ/μ = 3: two of the rare stable sides that end within the range."""
+def test_critical_load_of_the_symbol_is_where_a_dense_scan_changes_sign():
+    """In 2D with N = 3 and λ/μ = 3 these are two of the few sides with a non-zero critical load."""
     fam = pd.lattice_family(2, 3)
     for m, side, about in ((-2.0, "negative", -0.1522), (0.4, "positive", 0.7765)):
         model = pd.SethHill(m, STIFF)
@@ -57,8 +57,8 @@ def test_a_nonzero_symbol_load_is_where_a_dense_scan_turns():
         assert inside < 0 < outside, (m, inside, outside)
 
 
-def test_a_users_path_is_a_path(law):
-    """The same states, told by a function of the user's without a symmetry: the whole zone, the same load."""
+def test_a_path_written_by_a_user_has_the_critical_load_of_the_built_in_path(law):
+    """The function of the user has no attribute `symmetry`, so that the whole zone is searched."""
     fam, model = pd.lattice_family(2, 2), pd.SethHill(1.0, law)
 
     def grow(a, model, fam):
@@ -69,8 +69,8 @@ def test_a_users_path_is_a_path(law):
     assert float(pd.critical_load(model, fam, grow, "block", "negative", limit=abs(mine) / 2)) == -np.inf
 
 
-def test_shear_is_the_same_either_way(law):
-    """m = 1: one of the few states with a stable stretch in shear; its two ends mirror each other."""
+def test_critical_loads_of_both_signs_of_shear_are_opposite(law):
+    """m = 1 is one of the few orders that are stable under small shear."""
     fam, model = pd.lattice_family(2, 3), pd.SethHill(1.0, law)
     left, right = (float(pd.critical_load(model, fam, pd.simple_shear, "symbol", s)) for s in ("negative", "positive"))
     assert left == pytest.approx(-right, abs=1e-10) and right == pytest.approx(0.125704, abs=1e-5)
@@ -79,7 +79,7 @@ def test_shear_is_the_same_either_way(law):
 
 
 def slope_by_differences(model, fam, path, sign, a=1e-6):
-    """max over half-reciprocal k of λ_max(Ĵ(k; a))/(M κ² a): Ĵ is 0 there at rest."""
+    """max over half-reciprocal k of λ_max(Ĵ(k; a))/(M κ² a). At rest Ĵ is 0 at these points."""
     k = half_reciprocal_points(fam.dim)
     top = np.linalg.eigvalsh(np.asarray(pd.symbol(model, fam, path(sign * a, model, fam), k)))[:, -1]
     return (top / (4 * np.sin(k / 2) ** 2).sum(axis=1)).max() / a / float(pd.p_wave_modulus(model, fam))
@@ -91,15 +91,15 @@ def test_load_slope_is_the_rate_of_the_worst_half_reciprocal_wave(path, law):
     for m, side, sign in ((0.0, "negative", -1.0), (1.3, "positive", 1.0)):
         model = pd.SethHill(m, law)
         exact = slope_by_differences(model, fam, path, sign)
-        # forward difference of step 1e-6: measured 1e-6 of slopes about 0.2
+        # The forward difference has a step of 1e-6. Measured error: 1e-6 of slopes of about 0.2.
         assert float(pd.load_slope(model, fam, path, side)) == pytest.approx(exact, abs=1e-5)
 
 
 @pytest.mark.parametrize(
     ("dim", "compression", "tension"), [(2, -0.531165, 0.257556), (3, -0.781886, -0.175401)], ids=["2D", "3D"]
 )
-def test_orders_at_which_a_side_turns(dim, compression, tension, law):
-    """N = 3, hydrostatic: two laws, one answer, and the closed form's."""
+def test_stable_orders_under_hydrostatic_load_end_at_the_closed_form(dim, compression, tension, law):
+    """For N = 3 the ends are the same for two laws."""
     fam = pd.lattice_family(dim, 3)
     closed = closed_forms.hydrostatic_thresholds(dim, 3)
     for which in (law, STIFF):
@@ -112,7 +112,7 @@ def test_orders_at_which_a_side_turns(dim, compression, tension, law):
 
 
 def test_orders_under_uniaxial_strain_depend_on_the_law(law):
-    """… and their ends are where the rate of the worst wave changes sign, by differences."""
+    """The ends are where the growth of the worst wave changes sign, computed by differences."""
     fam = pd.lattice_family(2, 3)
     ends = {}
     for name, which in (("soft", law), ("stiff", STIFF)):
@@ -135,7 +135,7 @@ SYMBOL = dict(path=pd.uniaxial_strain, criterion="symbol", side="negative")
 
 
 def load_of(theta, options):
-    """Critical load as a function of (m, λ, μ, width of a Gaussian influence)."""
+    """The critical load as a function of theta = (m, λ, μ, width of a Gaussian influence)."""
     m, lam, mu, width = theta
     fam = pd.lattice_family(2, 3, influence=partial(pd.gaussian_influence, width=width))
     return pd.critical_load(pd.SethHill(m, pd.LinearElastic(lam, mu)), fam, **options)
@@ -144,7 +144,7 @@ def load_of(theta, options):
 @pytest.mark.parametrize(
     ("options", "theta", "tolerance"),
     [
-        # central differences of step 1e-4 (block: measured 4e-9 of derivatives up to 0.03; symbol: 3e-7 of 0.3)
+        # Measured errors of central differences of step 1e-4: block 4e-9 of derivatives up to 0.03, symbol 3e-7 of 0.3.
         (DIAGONAL, (1.0, 1.0, 1.0, 0.6), 1e-7),
         (SYMBOL, (-2.0, 3.0, 1.0, 3.0), 1e-5),
     ],
@@ -163,7 +163,7 @@ def test_derivatives_are_central_differences(options, theta, tolerance):
     assert np.abs(differences).max() > 1e-3
 
 
-def test_batches_are_loops(law):
+def test_vmapped_critical_loads_equal_a_loop(law):
     fam = pd.lattice_family(2, 3)
 
     def load(m):
@@ -190,22 +190,22 @@ def test_bad_input_names_the_argument(change, words, law):
 
 
 @pytest.mark.parametrize(("m", "side"), [(-2.0, "negative"), (0.4, "positive")])
-def test_a_load_in_a_users_jit_is_the_plain_one(m, side):
-    """Two drivers of one search: the host's secant, and Newton's step inside a program; and a batch of them."""
+def test_critical_load_inside_jit_and_vmap_equals_the_eager_one(m, side):
+    """The eager search ends with a secant on the host, the traced search with a Newton step."""
     fam = pd.lattice_family(2, 3)
 
     def load(m):
         return pd.critical_load(pd.SethHill(m, STIFF), fam, pd.uniaxial_strain, "symbol", side)
 
     plain = float(load(m))
-    assert float(jax.jit(load)(m)) == pytest.approx(plain, abs=1e-11)  # 1e-12, where the slope of the margin is 1e-3
+    assert float(jax.jit(load)(m)) == pytest.approx(plain, abs=1e-11)  # 1e-12, at a slope of 1e-3
     batch = jax.vmap(load)(jnp.array([m, 1.01 * m]))
     assert float(batch[0]) == pytest.approx(plain, abs=1e-11)
     assert float(batch[1]) == pytest.approx(float(load(1.01 * m)), abs=1e-11)
 
 
-def test_known_states_are_judged_while_something_else_is_traced(law):
-    """Inside a user's jit of other things, what is known stays a number."""
+def test_concrete_states_are_evaluated_inside_a_jit_of_other_values(law):
+    """Results that depend on concrete values only are not traced inside a jit of the user."""
     fam, model = pd.lattice_family(1, 2), pd.SethHill(0.3, law)
 
     def scaled(x):

@@ -1,4 +1,4 @@
-"""Waves and unstable lattices in time against the symbol of the infinite lattice, and the symbol's dispersion."""
+"""Tests of the dispersion relation, and of waves and unstable lattices in time against the symbol."""
 
 import jax.numpy as jnp
 import numpy as np
@@ -56,7 +56,7 @@ def test_a_travelling_wave_keeps_its_shape():
     ],
 )
 def test_a_zero_energy_mode_stands_still(n, dim, k, model):
-    """It holds no energy to first order and feels no force: a standing wave there stays what it was."""
+    """It has no energy and no force to first order, so that a standing wave keeps its initial displacement."""
     motion = pd.scenes.wave(n, 3, k, 1e-8, model, dim, branch=0)
     assert bool(pd.dispersion(model, pd.lattice_family(dim, 3), np.eye(dim), np.atleast_1d(k)[None]).zero_energy[0, 0])
     history = pd.simulate(motion, 50.0, dt=0.2, show_progress=False)
@@ -87,7 +87,7 @@ QUIET = [
 
 
 def perturbed(dim, n, m, a):
-    """A periodic lattice in the state (1 + a) I, perturbed by noise of 1e-12, and the waves that fit it."""
+    """A periodic lattice under F = (1 + a) I with noise of 1e-12, the dispersion of its plane waves, and F."""
     model = pd.SethHill(m, BAR if dim == 1 else LAW)
     F = (1 + a) * np.eye(dim)
     noise = 1e-12 * np.random.default_rng(dim).normal(size=(n**dim, dim))
@@ -106,7 +106,7 @@ def test_an_unstable_lattice_grows_at_the_rate_of_the_symbol(dim, n, m, a):
     verdict = pd.stability(motion.scene.model, pd.lattice_family(dim, 3), F)
     assert verdict.verdict == "unstable"
     assert rate <= float(verdict.eigenvalue) ** 0.5 * (1 + 1e-12)
-    assert rate > 0.995 * float(verdict.eigenvalue) ** 0.5  # the box holds the worst wave, or one 0.17 % below it
+    assert rate > 0.995 * float(verdict.eigenvalue) ** 0.5  # The worst wave of the box grows at most 0.17 % slower.
     x = motion.scene.body.positions
     mode = np.cos((x - x[0]) @ np.asarray(waves.k[top]))[:, None] * np.asarray(waves.mode[top, :, 0])
     dt = 0.4 * pd.critical_time_step(motion)
@@ -165,7 +165,8 @@ def test_dispersion_is_the_symbols_spectrum(dim, model, F):
 
 @pytest.mark.parametrize(("dim", "model", "F"), STATES)
 def test_long_waves_run_on_the_classical_line(dim, model, F):
-    """At rest every correspondence model has the law's wave speeds as k → 0; deformed, those exact for affine maps."""
+    """As k → 0 every correspondence model at rest has the wave speeds of the law, and so has a deformed model that is
+    exact for affine maps."""
     fam = pd.lattice_family(dim, 2)
     direction = np.arange(1.0, dim + 1)[None]
     at = np.eye(dim) if isinstance(model, pd.SethHill) else F
@@ -185,8 +186,8 @@ def test_zero_energy_waves_are_marked():
     assert not strained.zero_energy.any() and (strained.growth > 0).all()
 
 
-def test_group_velocity_is_how_fast_a_packet_goes():
-    """A packet on a long bar: its energy's centre moves at ∂ω/∂k, here a quarter below the classical speed."""
+def test_group_velocity_is_the_speed_of_a_wave_packet():
+    """On a long bar the centre of the energy of a packet moves at ∂ω/∂k, here a quarter below the classical speed."""
     n, k = 240, 2 * np.pi * 18 / 240
     model = pd.SethHill(1.0, BAR)
     fam = pd.lattice_family(1, 3)
@@ -202,7 +203,7 @@ def test_group_velocity_is_how_fast_a_packet_goes():
     speed = np.polyfit(history.times, centre, 1)[0]
     wanted = float(pd.dispersion(model, fam, np.eye(1), [k]).group_velocity[0, 0, 0])
     assert abs(wanted) < 0.9
-    assert speed == pytest.approx(wanted, rel=0.03)  # measured 1.8 % off: the packet's own width blurs k
+    assert speed == pytest.approx(wanted, rel=0.03)  # measured 1.8 %, because the packet has a range of k
 
 
 # --- the paper's relation (S10) -----------------------------------------------------------------------------------
@@ -220,19 +221,20 @@ def test_the_papers_dispersion_tends_to_the_symbol(m):
 
 @pytest.mark.parametrize("m", [0.0, 1.0])
 def test_the_papers_complex_wave_is_no_motion(m):
-    """At finite u0 its ω² differs from place to place and conjugates with the sign of u0: a wave's frequency can't."""
+    """At finite u0 its ω² depends on the position, and changes to its conjugate with the sign of u0. The frequency of a
+    wave cannot do that."""
     k, u0 = 1.0, 0.1
     here, there = (complex(pd.closed_forms.dispersion_1d(k, u0, m, 3, X=X)) for X in (0.0, 1.0))
     assert abs(here - there) > 0.05 * abs(here)
     flipped = complex(pd.closed_forms.dispersion_1d(k, -u0, m, 3))
     assert flipped == pytest.approx(here.conjugate(), rel=1e-12) and abs(here.imag) > 0.01 * abs(here)
     shifted = complex(pd.closed_forms.dispersion_1d(k, u0, m, 3, X=np.pi / k))
-    assert shifted == pytest.approx(flipped, rel=1e-12)  # −u0 is the same wave half a length on
+    assert shifted == pytest.approx(flipped, rel=1e-12)  # −u0 shifts the wave by half a length.
 
 
 def test_a_real_waves_frequency_moves_with_the_square_of_u0():
-    """A standing wave of the nonlinear bar: the shift is even in u0, where the paper's relation moves at first
-    order."""
+    """The frequency shift of a standing wave of the nonlinear bar is even in u0. The relation of the paper shifts at
+    first order."""
     k = 2 * np.pi * 4 / 40
     shifts = []
     for u0 in (0.05, 0.1):
@@ -241,7 +243,7 @@ def test_a_real_waves_frequency_moves_with_the_square_of_u0():
         dt = 0.002 * 2 * np.pi / omega
         history = pd.simulate(motion, 1.2 * 2 * np.pi / omega, dt=dt, save_every=1, show_progress=False)
         a = np.asarray(pd.amplitude(history.v, motion.start))
-        turn = np.flatnonzero((a[1:-1] < 0) & (a[2:] >= 0))[0] + 1  # v through zero upwards: half a period
+        turn = np.flatnonzero((a[1:-1] < 0) & (a[2:] >= 0))[0] + 1  # v crosses zero upwards after half a period.
         half = history.times[turn] + dt * a[turn] / (a[turn] - a[turn + 1])
         shifts.append(np.pi / half / omega - 1)
     assert np.abs(shifts[1]) > 1e-4

@@ -1,4 +1,4 @@
-"""Models without an energy: growth of their modes, by closed form, by the symmetric path, and in time."""
+"""Tests of the criterion "symbol" for models without an energy: the growth of their modes."""
 
 import jax
 import jax.numpy as jnp
@@ -12,13 +12,13 @@ LAW = pd.LinearElastic(1.0, 1.0)
 
 
 def test_growth_of_known_roots():
-    """γ of s² = λ: λ = 4 grows at 2, λ = −4 not at all, λ = (1 + 2i)² at 1."""
+    """The growth rate γ of s² = λ is 2 for λ = 4, 0 for λ = −4, and 1 for λ = (1 + 2i)²."""
     value = jnp.asarray([4.0, -4.0, (1 + 2j) ** 2, -1 + 1e-9j])
     np.testing.assert_allclose(growth_square(value, jnp.ones(4)), [4.0, -4.0, 1.0, -1.0], rtol=1e-14)
 
 
-def test_a_symmetric_symbol_is_judged_as_by_its_energy():
-    """The hourglass force has no energy, but on a lattice its symbol is symmetric: `eigh` is a second route."""
+def test_margin_of_a_symmetric_symbol_without_energy_is_that_of_eigh():
+    """The hourglass force has no energy, but its symbol on a lattice is symmetric, so that `eigh` applies too."""
     fam, F = pd.lattice_family(2, 2), jnp.diag(jnp.asarray([0.97, 1.02]))
     model = pd.SethHill(0.0, LAW, pd.LittlewoodControl(0.05))
     found = pd.stability(model, fam, F, resolution=32)
@@ -29,14 +29,14 @@ def test_a_symmetric_symbol_is_judged_as_by_its_energy():
     kappa2 = np.sum((2 * np.sin(k / 2)) ** 2, axis=1)
     quotient = np.linalg.eigvalsh(J)[:, -1] / kappa2 / float(pd.p_wave_modulus(model, fam))
     assert float(found.margin) >= quotient.max() - 1e-12
-    assert float(found.margin) == pytest.approx(quotient.max(), abs=2e-3)  # the limit k → 0 is not on that grid
+    assert float(found.margin) == pytest.approx(quotient.max(), abs=2e-3)  # The limit k → 0 is not on the grid.
 
 
-def test_a_force_without_energy_grows_at_the_rate_it_is_told():
-    """Bond-associated as first published, beyond the law's limit: against the eigenvalues of a periodic lattice's J,
-    which is symmetric on a lattice all the same, in any homogeneous deformation."""
+def test_eigenvalue_of_a_force_without_energy_is_that_of_a_periodic_lattice():
+    """The bond-associated model as first published, at a load beyond the critical load of the law. Its Jacobian on a
+    periodic lattice is symmetric in any homogeneous deformation."""
     model, F = pd.BondAssociatedForce(LAW), jnp.asarray([[0.7, 0.2], [0.0, 0.75]])
-    found = pd.stability(model, pd.lattice_family(2, 2), F, resolution=5)  # the waves that fit ten points
+    found = pd.stability(model, pd.lattice_family(2, 2), F, resolution=5)  # the waves of ten points
     assert found.verdict == "unstable"
     fams = pd.families(pd.lattice((10, 10), periodic=True), 2.0)
     J = np.asarray(pd.jacobian(model, fams, np.zeros((100, 2)), "dense", F))
@@ -46,7 +46,7 @@ def test_a_force_without_energy_grows_at_the_rate_it_is_told():
 
 
 def test_derivative_of_a_margin_without_energy():
-    """By left and right vectors, against a central difference."""
+    """The derivative by left and right eigenvectors agrees with a central difference."""
     fam = pd.lattice_family(2, 2)
 
     def margin(mu):
@@ -58,7 +58,8 @@ def test_derivative_of_a_margin_without_energy():
 
 
 def test_surfaces_make_the_published_force_unstable_at_rest():
-    """In a lattice it does not grow (2D, N = 2: marginal); a small resting body does, not with the consistent form."""
+    """The published force is not unstable on the infinite lattice at rest (2D, N = 2). A small body at rest is
+    unstable, but not with the form that derives from an energy."""
     fams = pd.families(pd.lattice((6, 5)), 2.0)
     rates = []
     for model in (pd.BondAssociatedForce(LAW), pd.BondAssociated(LAW)):
@@ -68,7 +69,7 @@ def test_surfaces_make_the_published_force_unstable_at_rest():
     assert rates[0] > 0.1 and rates[1] < 1e-5, rates  # 0.69, 2e-8
 
 
-def test_dispersion_and_bodies_refuse():
+def test_dispersion_refuses_a_model_without_an_energy():
     fam = pd.lattice_family(1, 2)
     with pytest.raises(ValueError, match="no energy"):
         pd.dispersion(pd.BondAssociatedForce(LAW), fam, jnp.eye(1), [1.0])

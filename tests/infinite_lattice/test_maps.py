@@ -1,4 +1,4 @@
-"""Maps: the numbers of one state at a time, in any chunking; files that keep everything; errors before the work."""
+"""Tests of stability maps against single states, of their chunks and files, and of errors before the computation."""
 
 import numpy as np
 import pytest
@@ -20,7 +20,7 @@ def test_margins_are_those_of_single_states(grid, law):
         for j, a in enumerate(A):
             model, F = pd.SethHill(m, law), (1 + a) * np.eye(2)
             alone = pd.stability(model, fam, F)
-            # measured 2e-17 on margins up to 3e-2: batched and single searches end at the same wave
+            # Measured: 2e-17 on margins up to 3e-2. Batched and single searches end at the same wave.
             assert grid.margin[i, j] == pytest.approx(float(alone.margin), abs=1e-14)
             assert grid.eigenvalue[i, j] == pytest.approx(float(alone.eigenvalue), abs=1e-12)
             assert grid.verdict[i, j] == alone.verdict
@@ -29,7 +29,7 @@ def test_margins_are_those_of_single_states(grid, law):
 
 
 def test_chunks_and_horizons_change_nothing(grid, law, monkeypatch):
-    monkeypatch.setattr(maps, "_CHUNK_BYTES", 1)  # 16 states at a time, the smallest; 12 are asked for, twice
+    monkeypatch.setattr(maps, "_CHUNK_BYTES", 1)  # The smallest chunk has 16 states, the map 12.
     both = pd.stability_map(M, A, N=(2, 3), law=law, lines=("diagonal",), show_progress=False)
     assert both.margin.shape == (2, 3, 4)
     np.testing.assert_array_equal(both.margin[1], grid.margin)
@@ -42,7 +42,7 @@ def test_lines_are_thinned_with_both_ends(law):
     m, a = np.linspace(-1, 1, 150), np.array([-0.01, 0.01])
     thin = pd.stability_map(m, a, law=law, criterion="diagonal", lines=("continuum",), show_progress=False)
     assert len(thin.line_m) == 64 and thin.line_m[0] == m[0] and thin.line_m[-1] == m[-1]
-    # the continuum margin has the sign of −aΓ(m), Γ ∝ m in 2D
+    # The continuum margin has the sign of −aΓ(m), and Γ is proportional to m in 2D.
     np.testing.assert_array_equal(np.sign(thin.lines["continuum"][:, 0]), np.sign(thin.line_m))
 
 
@@ -55,8 +55,8 @@ def test_save_and_load_keep_everything(grid, tmp_path):
     assert [p.name for p in tmp_path.iterdir()] == ["map.npz"]
 
 
-def test_a_long_run_saves_as_it_goes(law, tmp_path, monkeypatch):
-    """Stopped after its first chunk, a run with save= leaves a valid file, undefined where it had not been."""
+def test_a_stopped_run_leaves_a_valid_partial_file(law, tmp_path, monkeypatch):
+    """A run with save= that stops after its first chunk leaves a file in which the other states are undefined."""
     evaluated, calls = maps._evaluated, []
 
     def stop_at_the_second(*arguments):
@@ -76,7 +76,7 @@ def test_a_long_run_saves_as_it_goes(law, tmp_path, monkeypatch):
 
 
 def test_states_that_do_not_exist_are_undefined(law):
-    """A path without a state at some load gives NaN there, not a number made up."""
+    """A path that has no state at a load gives a NaN margin there."""
     found = pd.stability_map(
         np.array([1.0]), np.array([-0.8, 0.01]), law=law, path=no_state, criterion="block", show_progress=False
     )
@@ -111,7 +111,7 @@ def test_bad_input_names_the_argument(change, words, law):
         pd.stability_map(**arguments)
 
 
-def test_too_large_for_memory_and_unwritable_are_said_first(law, monkeypatch, tmp_path):
+def test_maps_too_large_or_unwritable_are_refused_before_the_computation(law, monkeypatch, tmp_path):
     monkeypatch.setattr(maps, "_chunk", lambda *_: pytest.fail("computed before checking"))
     with pytest.raises(OSError, match="does not exist"):
         pd.stability_map(M, A, law=law, save=tmp_path / "nowhere" / "map.npz")
@@ -123,7 +123,7 @@ def test_too_large_for_memory_and_unwritable_are_said_first(law, monkeypatch, tm
 
 
 @pytest.mark.parametrize("content", [b"", b"text", b"\x89PNG\r\n\x1a\n" + b"0" * 99, b"PK\x03\x04" + b"0" * 30])
-def test_a_file_that_is_no_map_is_said_and_none_is_unpickled(tmp_path, content):
+def test_files_that_are_no_map_are_refused_without_unpickling(tmp_path, content):
     file = tmp_path / "map.npz"
     file.write_bytes(content)
     with pytest.raises(ValueError, match=r"is not a map that StabilityMap\.save wrote"):

@@ -1,4 +1,4 @@
-"""E and ν of models made from them: recovered on a fine family; what is out of range is refused."""
+"""Models made from E and ν have these constants on a fine family; constants out of range raise ValueError."""
 
 import numpy as np
 import pytest
@@ -7,7 +7,7 @@ import pdjax as pd
 
 
 def recovered(model, N):
-    """λ + 2μ, λ, μ of a 2D lattice family at rest, as (plane modulus, shear) by three affine maps."""
+    """ℂ₁₁₁₁, ℂ₁₁₂₂ and ℂ₁₂₁₂ of a 2D lattice family at rest, by central differences over two affine maps."""
     fam, h = pd.lattice_family(2, N), 1e-6
     columns = []
     for G in (np.array([[1.0, 0], [0, 0]]), np.array([[0, 0.5], [0.5, 0]])):
@@ -17,18 +17,18 @@ def recovered(model, N):
 
 
 def test_plane_stress_and_plane_strain_of_lps():
-    """E = 2, ν = 0.3: plane stiffness E/(1 − ν²) or E(1 − ν)/((1 + ν)(1 − 2ν)), to the lattice's anisotropy."""
+    """For E = 2, ν = 0.3 the stiffness is E/(1 − ν²) or E(1 − ν)/((1 + ν)(1 − 2ν)), up to the lattice's anisotropy."""
     E, nu = 2.0, 0.3
     for plane, stiff in (("stress", E / (1 - nu**2)), ("strain", E * (1 - nu) / ((1 + nu) * (1 - 2 * nu)))):
         found, cross, shear = recovered(pd.LPS.from_young(E, nu, 2, plane), 6)
         assert found == pytest.approx(stiff, rel=0.02)  # 1.2e-2
-        # the lattice makes one shear modulus stiffer (3 %), the other softer: their mean is the law's, for every family
+        # The lattice makes one shear modulus stiffer (3 %) and the other softer. Their mean is exact for every family.
         assert ((found - cross) / 2 + shear) / 2 == pytest.approx(E / (2 * (1 + nu)), rel=1e-8)  # 1e-10
         k = pd.plane_bulk_modulus(E / (3 * (1 - 2 * nu)), E / (2 * (1 + nu)), plane)
         assert (found + cross) / 2 == pytest.approx(float(k), rel=1e-8)  # exact for every family
 
 
-def test_springs_have_their_ratio():
+def test_bond_based_from_young_has_the_closed_form_micromodulus():
     for plane, nu in (("strain", 0.25), ("stress", 1 / 3)):
         model = pd.BondBased.from_young(2.0, nu, 1.0, 2, plane)
         exact = {"strain": 48 * 2 / (5 * np.pi), "stress": 9 * 2 / np.pi}[plane]
@@ -47,6 +47,6 @@ def test_springs_have_their_ratio():
         (lambda: pd.LPS.from_young(1.0, 0.2, 3, "strain"), "needs dim 3"),
     ],
 )
-def test_out_of_range(make, words):
+def test_constants_out_of_range_are_refused(make, words):
     with pytest.raises(ValueError, match=words):
         make()

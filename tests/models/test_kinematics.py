@@ -1,4 +1,4 @@
-"""Kinematics: the Seth–Hill measure and its derivatives, shape tensors, exactness under affine maps, local strains."""
+"""Kinematics: the Seth–Hill strain and its derivatives, shape tensors, exactness under affine maps, local strains."""
 
 import math
 
@@ -68,13 +68,13 @@ MS = [0.0, 1e-12, -1e-7, 1e-3, 0.5, 1.0, -0.7, 2.0, -3.0]
 SS = [1.0, 1 + 1e-12, 1 - 1e-7, 1.001, 1.3, 0.6, 2.5, 0.3]
 
 
-def test_measure_and_its_derivatives_in_s_and_m_to_third_order():
-    """At m = 0 and s = 1, by them and away from them; the smooth branches meet at |mℓ| = 1."""
+def test_seth_hill_strain_and_its_derivatives_to_third_order_equal_the_exact_ones():
+    """The points are at, near and far from m = 0 and s = 1, and at |mℓ| = 1, where the two branches meet."""
     ms = [*MS, *(x / np.log(2.5) for x in (1 - 1e-9, 1 + 1e-9, -1 + 1e-9, -1 - 1e-9))]
     s, m = (np.array(x).reshape(-1) for x in np.meshgrid(SS, ms, indexing="ij"))
     found = np.asarray(jax.jit(jax.vmap(every_derivative))(s, m))
     exact = np.array([[partial(a, b, *order) for order in ORDERS] for a, b in zip(s, m, strict=True)])
-    # relative to itself, but for derivatives that vanish: there, to 1
+    # The error is relative to the derivative, or absolute where the derivative is below 1.
     assert worst((found - exact) / np.maximum(np.abs(exact), 1.0)) < 1e-13  # 3e-14
     value, exact = found[:, 0], exact[:, 0].astype(float)
     assert worst(value[exact != 0] / exact[exact != 0], 1.0) < 1e-14  # 7e-16
@@ -83,7 +83,7 @@ def test_measure_and_its_derivatives_in_s_and_m_to_third_order():
 @pytest.mark.parametrize("m", [0.0, 0.5, 1.0, -0.7])
 @pytest.mark.parametrize("size", [1e-12, 1e-8, 1e-3, 0.5])
 def test_no_cancellation_at_tiny_strain(m, size):
-    """ℓ and e_m of a bond from its displacement, against long double, at a relative 1e-14."""
+    """ℓ and e_m of a bond from its displacement equal those in long double to a relative 1e-14."""
     xi, direction = np.array([0.3, -0.7, 0.2]), np.array([0.4, 0.1, -0.8])
     eta = size * direction
     exact_xi, exact_eta = xi.astype(np.longdouble), eta.astype(np.longdouble)
@@ -110,7 +110,7 @@ def test_mandel_vectors_keep_the_inner_product(dim, seed):
 
 
 def family_bonds(dim, kind, i, seed):
-    """The true bonds of one point, and those padded, under a random displacement."""
+    """The padded bonds of one point under a random displacement, and its true bonds alone."""
     fams = bodies.families(dim, kind)
     every = fams.bonds(jnp.asarray(bodies.displacement(dim, kind, seed)))
     mine = jax.tree.map(lambda x: x[i], every)
@@ -123,7 +123,7 @@ shape_L, shape_K = jax.jit(kin.shape_tensor_L), jax.jit(kin.shape_tensor_K)
 
 @pytest.mark.parametrize("dim, kind", bodies.BODIES)
 def test_shape_tensors_of_surface_points(dim, kind):
-    """L applied to a tensor A is Σ w (n·An) n⊗n; its inverse gives the dual of the reference; K = Σ w ξ⊗ξ."""
+    """L applied to a tensor A is Σ w (n·An) n⊗n, L⁻¹ gives the dual of the reference module, and K is Σ w ξ⊗ξ."""
     mine, bonds = family_bonds(dim, kind, 0, 1)
     w = bonds.omega * bonds.volume
     n = bonds.xi / np.linalg.norm(bonds.xi, axis=1)[:, None]
@@ -161,7 +161,7 @@ def affine(dim, kind, H):
 @pytest.mark.parametrize("dim, kind", bodies.BODIES)
 @given(seed=SEEDS)
 def test_mean_deformation_gradient_is_exact_for_affine_maps_at_every_point(dim, kind, seed):
-    H = np.random.default_rng(seed).normal(size=(dim, dim))  # any map: folded matter too
+    H = np.random.default_rng(seed).normal(size=(dim, dim))  # any map, also with det F < 0
     found = gradients(bodies.families(dim, kind), affine(dim, kind, H))
     assert worst(found, np.broadcast_to(H, found.shape)) < 1e-12  # 2e-15
 
@@ -189,7 +189,7 @@ def test_mean_strain_is_exact_for_similarities_and_for_m_1(dim, kind, seed, stre
 @pytest.mark.parametrize("dim, kind", [body for body in bodies.BODIES if body[0] > 1])
 @pytest.mark.parametrize("m", [0.0, -0.7, 0.5, 2.0])
 def test_mean_strain_is_otherwise_exact_to_first_order_only(dim, kind, m):
-    """The defect |Ē_m − E_m| under F = I + εG falls as ε²: it is not zero, and its order is 2."""
+    """The error |Ē_m − E_m| under F = I + εG is not zero and decreases as ε²."""
     fams, G = bodies.families(dim, kind), np.random.default_rng(3).normal(size=(dim, dim))
     defect = []
     for size in (1e-3, 5e-4):
@@ -206,8 +206,8 @@ local = jax.jit(kin.local_strain)
 
 @pytest.mark.parametrize("dim", [1, 2, 3])
 @given(seed=SEEDS, m=st.floats(-2, 2))
-def test_local_strain_is_that_of_the_eigenvectors(dim, seed, m):
-    """Principal stretches up to a ratio of 5."""
+def test_local_strain_equals_the_one_by_eigenvectors(dim, seed, m):
+    """The principal stretches differ by a factor of up to 5."""
     stretch = np.random.default_rng(seed).uniform(np.sqrt(0.2), np.sqrt(5.0), dim)
     F = bodies.rotation(dim, seed + 1) @ np.diag(stretch) @ bodies.rotation(dim, seed)
     exact = classical(F, m)
@@ -233,7 +233,7 @@ def local_gradient(F, m, G):
 
 @pytest.mark.parametrize("dim, order", [(2, 2), (3, 1)])
 def test_local_strain_is_twice_differentiable_at_equal_stretches(dim, order):
-    """At F = cI: ∂E along G is c^{2m−1} sym G; the Hessian is finite and the derivative of the gradient."""
+    """At F = cI the derivative along G is c^{2m−1} sym G, and the Hessian is the derivative of the gradient."""
     c, step = 1.3, 1e-5
     here, G = c * jnp.eye(dim), jnp.asarray(bodies.random(dim).normal(size=(dim, dim)))
     gradient, hessian = jax.jit(local_gradient), jax.jit(jax.jacfwd(local_gradient))

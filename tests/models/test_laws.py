@@ -1,4 +1,4 @@
-"""Laws: stress against closed forms, small-strain moduli, user's laws, constants, and what is refused."""
+"""Laws: stress against closed forms, small-strain moduli, user's laws, constants and wrong use."""
 
 import bodies
 import jax
@@ -64,7 +64,7 @@ def test_stress_is_the_closed_form(name, dim, seed):
 @pytest.mark.parametrize("name", LAWS)
 @pytest.mark.parametrize("dim", [1, 2, 3])
 def test_at_rest_energy_and_stress_vanish_and_moduli_are_lam_and_mu(name, dim):
-    """∂²ψ on any change G is λ tr(G) I + 2μ sym G; in 1D λ + 2μ."""
+    """∂²ψ applied to any G is λ tr(G) I + 2μ sym G; in 1D the modulus is λ + 2μ."""
     law, _ = LAWS[name]
     rest = jnp.zeros((dim, dim)) if law.takes == "E" else jnp.eye(dim)
     assert float(law.energy(rest)) == 0 and worst(stress(law, rest)) == 0
@@ -77,7 +77,7 @@ def test_at_rest_energy_and_stress_vanish_and_moduli_are_lam_and_mu(name, dim):
 
 @pytest.mark.parametrize("size, tolerance", [(1e-2, 1e-10), (1e-4, 1e-6), (1e-6, 1e-2)])
 def test_neo_hookean_energy_at_tiny_strain(size, tolerance):
-    """ψ(1 + ε) by its series. A law in F sees 1 + ε, so its energy keeps eps/ε² of relative accuracy, no less."""
+    """ψ(1 + ε) equals its series. A law in F gets 1 + ε, so the relative error of its energy is about eps/ε²."""
     F = jnp.diag(jnp.array([1.0 + size, 1.0]))
     log_J = np.log1p(size)
     excess = size**2 + 2 * sum((-size) ** n / n for n in range(2, 12))  # (1 + ε)² − 1 − 2 log(1 + ε)
@@ -87,7 +87,7 @@ def test_neo_hookean_energy_at_tiny_strain(size, tolerance):
 
 @pytest.mark.parametrize("name", LAWS)
 def test_constants_are_traced_and_differentiable(name):
-    """Both forms are linear in their constants, so dS/dλ is the stress of (λ, μ) = (1, 0) and so on."""
+    """The laws are linear in their constants, so the stress is the sum of constants times derivatives."""
     law, _ = LAWS[name]
     A = tensor(law, 2, 5)
     slopes = jax.tree.leaves(jax.jacfwd(lambda law: law_stress(law, jnp.asarray(A)))(law))
@@ -98,7 +98,7 @@ def test_constants_are_traced_and_differentiable(name):
 
 
 def test_new_constants_compile_nothing():
-    compiled = jax.jit(lambda law, E: law_stress(law, E))  # a cache of its own
+    compiled = jax.jit(lambda law, E: law_stress(law, E))  # a new function has an empty cache
     for lam, mu in ((1.0, 2.0), (0.3, 0.1), (-0.2, 5.0)):
         S = compiled(pd.LinearElastic(lam, mu), jnp.eye(2))
         assert worst(S, (2 * lam + 2 * mu) * np.eye(2)) < 1e-14  # 0
@@ -107,7 +107,7 @@ def test_new_constants_compile_nothing():
 
 @pytest.mark.parametrize("law", [pd.LinearElastic(1, 2), pd.NeoHookean(1, 2)])
 def test_constants_given_as_integers_are_real_numbers(law):
-    """Else each kind of number compiles again, and no derivative in a constant exists."""
+    """Otherwise each kind of number would compile again, and no derivative in a constant would exist."""
     assert jnp.issubdtype(law.lam.dtype, jnp.floating) and jnp.issubdtype(law.mu.dtype, jnp.floating)
 
 
@@ -116,7 +116,7 @@ def test_an_order_given_as_an_integer_is_a_real_number():
 
 
 def test_constants_of_a_users_law_are_arrays():
-    """Python numbers are static under `eqx.filter_jit`: each new value would compile again."""
+    """Python numbers are static under `eqx.filter_jit`, so each new value would compile again."""
     assert all(isinstance(leaf, jax.Array) for leaf in jax.tree.leaves(MODELS["seth_hill user law"].law))
 
 
@@ -134,8 +134,8 @@ def test_wrong_use_names_the_argument(call, named):
 
 
 @pytest.mark.parametrize("nu", [-0.4, 0.0, 0.3, 0.45])
-def test_constants_of_the_solid_and_what_a_plane_means(nu):
-    """σ = E/(1 − ν²) (ε + ν …) in plane stress, and the 3D solid's constants in plane strain, from Hooke's law."""
+def test_from_young_and_from_bulk_agree_and_plane_stress_is_that_of_hookes_law(nu):
+    """In plane stress σ = E/(1 − ν²) [(1 − ν) ε + ν tr(ε) I], which is the 3D solid with σ₃₃ = 0."""
     E = 2.0
     K, G = E / (3 * (1 - 2 * nu)), E / (2 * (1 + nu))
     for one, other in (
@@ -150,7 +150,7 @@ def test_constants_of_the_solid_and_what_a_plane_means(nu):
     assert np.abs(stress - direct).max() < 1e-15 * E / (1 - nu**2) * 4  # 2e-16
     whole = np.zeros((3, 3))
     whole[:2, :2] = strain
-    compliance = [(s - nu * (np.trace(stress) - s)) / E for s in np.diag(stress)]  # of the 3D solid with σ₃₃ = 0
+    compliance = [(s - nu * (np.trace(stress) - s)) / E for s in np.diag(stress)]  # the 3D solid with σ₃₃ = 0
     assert np.allclose(compliance, np.diag(strain), atol=1e-15)
 
 
@@ -175,7 +175,7 @@ def test_neo_hookean_plane_stress_minimises_the_energy_of_the_solid():
         exact = jnp.einsum("ijkl,kl->ij", jax.hessian(flat.energy)(jnp.asarray(F)), h)
         assert np.abs(slope - exact).max() < 1e-8 * np.abs(h).max()  # 1e-9
     model, F = pd.Correspondence(flat), np.eye(2)
-    fams = pd.families(pd.lattice((40, 40)), 3.0)  # enough bonds to be streamed
+    fams = pd.families(pd.lattice((40, 40)), 3.0)  # enough bonds for the streaming backend
     u = 1e-2 * draw.normal(size=(1600, 2))
     both = [pd.force_density(model, fams, u, way=way) for way in ("families", "slices")]
     assert np.abs(both[0] - both[1]).max() < 1e-13  # 3e-15
@@ -193,6 +193,6 @@ def test_neo_hookean_plane_stress_minimises_the_energy_of_the_solid():
         (lambda: pd.NeoHookean(1.0, 1.0, "flat"), "plane must be one of"),
     ],
 )
-def test_constants_that_are_none(make, words):
+def test_invalid_constants_are_refused(make, words):
     with pytest.raises(ValueError, match=words):
         make()

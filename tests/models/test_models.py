@@ -1,8 +1,8 @@
-"""The invariants of every model, on lattices and clouds with their surfaces: what each promises, and what all must.
+"""The invariants of every model on lattices and clouds with surfaces: those that all must satisfy, and its promises.
 
-The peer is the energy in plain NumPy (`reference_models.py`), accepting complex displacements: its force is
-−(1/V) ∂Π/∂u by an imaginary step, exact to rounding and without a line in common with the package. What a model does
-not promise is measured in `test_published_models.py`.
+The reference is the energy in plain NumPy (`reference_models.py`), which accepts complex displacements. Its force is
+−(1/V) ∂Π/∂u by an imaginary step, exact to rounding, and shares no code with the package. Properties that a model does
+not promise are measured in `test_published_models.py`.
 """
 
 import bodies
@@ -27,7 +27,7 @@ SEEDS = st.integers(0, 2**32 - 1)
 @pytest.mark.parametrize("weighted", [False, True])
 @pytest.mark.parametrize("name, dim, kind", EVERYWHERE)
 def test_energy_and_force_are_those_of_the_reference(name, dim, kind, weighted):
-    """With random weights that differ between the two directions of a bond, too."""
+    """The weighted case has random weights that differ between the two directions of a bond."""
     fams, u = bodies.families(dim, kind), bodies.displacement(dim, kind, 1)
     weight = bodies.random(dim).uniform(0.2, 1.0, 2 * (len(fams),)) if weighted else None
     if weighted:
@@ -56,7 +56,7 @@ def lattice_family(dim):
 
 @pytest.mark.parametrize("name, dim", sorted({case[:2] for case in EVERYWHERE}))
 def test_undeformed_bonds_carry_no_force(name, dim):
-    """T = 0 on every bond, and T is not zero as soon as there is strain."""
+    """T is zero on every bond without strain, and not zero with strain."""
     *_, T = bodies.homogeneous(MODELS[name], lattice_family(dim), jnp.eye(dim))
     assert worst(T) == 0
     *_, T = bodies.homogeneous(MODELS[name], lattice_family(dim), jnp.eye(dim) * 1.01)
@@ -66,8 +66,8 @@ def test_undeformed_bonds_carry_no_force(name, dim):
 @settings(max_examples=5)
 @given(seed=SEEDS)
 @pytest.mark.parametrize("name, dim, kind", EVERYWHERE)
-def test_balances(name, dim, kind, seed):
-    """f = −(1/V) ∂Π/∂u, Σ V f = 0, Σ V x × f = 0, J·translation = 0, V J symmetric, J turns f with the body."""
+def test_forces_and_jacobian_satisfy_the_balances(name, dim, kind, seed):
+    """f = −(1/V) ∂Π/∂u, Σ V f = 0, Σ V x × f = 0, J·translation = 0, V J is symmetric, and J·rotation turns f."""
     model, fams = MODELS[name], bodies.families(dim, kind)
     body, u = bodies.points(dim, kind), bodies.displacement(dim, kind, seed)
     V, out = body.volumes[:, None], bodies.respond(model, fams, u)
@@ -118,7 +118,7 @@ def test_rigid_motion_leaves_the_energy_and_turns_the_force(name, dim, kind, see
 
 
 def local_law(model):
-    """ψ(F) of the model, or of the one whose energy alone it is."""
+    """ψ(F) of the model, or of the model inside an `EnergyOnly`."""
     return getattr(model, "base", model).local_energy
 
 
@@ -140,8 +140,8 @@ LAWS = [name for name in MODELS if has_law(MODELS[name]) and MODELS[name].moduli
 
 
 @pytest.mark.parametrize("name", LAWS)
-def test_affine_fields_give_the_law(name):
-    """ψ and P where affine maps are exact, at surface points too; a defect of second order at least elsewhere."""
+def test_affine_fields_have_the_energy_and_stress_of_the_law(name):
+    """Exactly, also at surface points, if the model promises it; otherwise up to an error of second order."""
     model, fam, body = MODELS[name], lattice_family(2), bodies.points(2, "cloud")
     G, defect = bodies.deformation(2, 1, size=1.0) - np.eye(2), []
     for size in (0.02, 0.01):
@@ -158,7 +158,7 @@ def test_affine_fields_give_the_law(name):
     assert model.affine_exact or defect[0] < 1e-14 or order > 1.9  # 7e-17 for m = 1, else 1.98
 
 
-# for models with a law of their own in strain or deformation gradient: its stress at every point of an affine field
+# For each model with a law in strain or deformation gradient: the law's stress at every point of an affine field.
 FIELDS = {
     "correspondence svk": lambda F: LAM * np.trace(F.T @ F - np.eye(2)) / 2 * np.eye(2) + MU * (F.T @ F - np.eye(2)),
     "correspondence neo-hookean": peers.neo_hookean_stress,
@@ -195,7 +195,7 @@ def moduli_of(model, fam):
 
 @pytest.mark.parametrize("name, dim", in_dimensions(LAWS))
 def test_small_strain_moduli(name, dim):
-    """∂P/∂F at F = I is λ δδ + μ (δδ + δδ), in 1D λ + 2μ: on a lattice family, and as the stress of a body's points."""
+    """∂P/∂F at F = I is λ δδ + μ (δδ + δδ), in 1D λ + 2μ, on a lattice family and at the points of a body."""
     one = np.eye(dim)
     pairs = np.einsum("ik,jl->ijkl", one, one) + np.einsum("il,jk->ijkl", one, one)
     exact = LAM * np.einsum("ij,kl->ijkl", one, one) + MU * pairs
@@ -209,7 +209,7 @@ def test_small_strain_moduli(name, dim):
     if (name, dim, "cloud") not in EVERYWHERE:
         return
     if isinstance(model, EnergyOnly):
-        return  # its fields are those of F̄, and it has no law of its own to give a stress
+        return  # EnergyOnly computes its fields from F̄ and has no law from which a stress follows
     H = 1e-7 * bodies.random(dim).normal(size=(dim, dim))
     out = bodies.respond(model, bodies.families(dim, "cloud"), bodies.points(dim, "cloud").positions @ H.T)
     assert worst(out.strain / 1e-7, np.broadcast_to((H + H.T) / 2e-7, out.strain.shape)) < 1e-5  # 3e-7
@@ -223,7 +223,7 @@ def test_small_strain_moduli(name, dim):
 @pytest.mark.parametrize("m", [1.0, 0.0, -0.7, None])
 @pytest.mark.parametrize("dim, kind", bodies.BODIES)
 def test_force_density_is_that_of_the_force_states(m, dim, kind):
-    """Against T written out, not the derivative of an energy; m None is the correspondence model."""
+    """The reference is T written out, not the derivative of an energy; m = None is the correspondence model."""
     body, u = bodies.points(dim, kind), bodies.displacement(dim, kind, 3)
     model, force = peer_force(m, body, dim)
     out = bodies.respond(model, bodies.families(dim, kind), u)
@@ -232,7 +232,7 @@ def test_force_density_is_that_of_the_force_states(m, dim, kind):
 
 
 def peer_force(m, body, dim):
-    """The model of order m (None: correspondence) and its force of u in NumPy."""
+    """The model of order m (None: correspondence) and its force as a NumPy function of u."""
     args = (body.positions, body.volumes, bodies.HORIZONS[dim])
     if m is None:
         model = pd.Correspondence(LINEAR)
@@ -243,7 +243,7 @@ def peer_force(m, body, dim):
 @pytest.mark.parametrize("m", [1.0, 0.0, -0.7, None])
 @pytest.mark.parametrize("dim, kind", [(2, "cloud"), (3, "lattice")])
 def test_tiny_strain_keeps_its_digits(m, dim, kind):
-    """At strain 1e-12 the force is J(0) u to 1e-11 of itself; with positions it would keep four digits."""
+    """At strain 1e-12 the force is J(0) u to a relative 2e-11; computed from positions it would keep four digits."""
     body = bodies.points(dim, kind)
     model, force = peer_force(m, body, dim)
     u = 1e-12 * bodies.random(dim).normal(size=body.positions.shape)

@@ -1,7 +1,7 @@
-"""Every model of the table on random bodies: cut bonds, mixed volumes; in other units, elsewhere, in another order.
+"""Every model of the table on random bodies with cut bonds and mixed volumes: units, origin and order do not matter.
 
-A body and its image have the same bonds, so the forces of one follow from those of the other. All bodies have as many
-points and slots as each other, and a model compiles once.
+A body and its image in other units, at another origin or in another order have the same bonds, so the forces of one
+follow from those of the other. All bodies have the same number of points and slots, so each model compiles once.
 """
 
 import bodies
@@ -37,7 +37,7 @@ class Body:
         self.u = 0.02 * rng.normal(size=(POINTS, 2))
 
     def families(self, order=slice(None), unit=1.0, shift=0.0):
-        """Its families with the points in another order, lengths in other units, the origin elsewhere."""
+        """Its families with the points in another order, lengths in other units and another origin."""
         cloud = pd.cloud(unit * (self.x[order] + shift), unit**2 * self.volumes[order])
         fams = bodies.padded(pd.families(cloud, unit * 2.6, "gaussian"), POINTS - 1)
         rows = np.arange(POINTS)[:, None]
@@ -65,7 +65,7 @@ TRIED = [name for name in MODELS if 2 in MODELS[name].dims and name != "sub_hori
 @settings(max_examples=6)
 @given(seed=SEEDS, length=st.integers(-9, 6), pressure=st.integers(-6, 12), far=st.integers(0, 6))
 @pytest.mark.parametrize("name", TRIED)
-def test_forces_know_no_units_no_origin_and_no_order(name, seed, length, pressure, far):
+def test_forces_do_not_depend_on_units_origin_or_order_of_points(name, seed, length, pressure, far):
     model, body = MODELS[name], Body(seed)
     f = np.asarray(force(model, body.families(), body.u))
     momentum = np.abs(body.volumes @ f).max() / (body.volumes @ np.abs(f)).max()

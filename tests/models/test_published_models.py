@@ -1,6 +1,6 @@
-"""What single models are known for, and what they do not promise: measured. The invariants are in `test_models.py`.
+"""Known properties of single models, and measurements of what they do not promise.
 
-Beside each tolerance or bound: the value measured (float64).
+The invariants of all models are in `test_models.py`. The comment beside each tolerance is the measured value (float64).
 """
 
 from math import pi
@@ -33,7 +33,7 @@ def moment(u, force):
 
 
 def asymmetry(jacobian):
-    """Of V J, in units of its largest entry."""
+    """The asymmetry of V J, relative to its largest entry."""
     VJ = np.repeat(POINTS.volumes, 2)[:, None] * jacobian
     return worst(VJ, VJ.T) / np.abs(VJ).max()
 
@@ -52,7 +52,7 @@ def test_wans_control_is_not_objective_on_a_cloud():
 
 
 def test_wans_control_is_objective_inside_a_lattice():
-    """There K, and so C₁, is a multiple of I."""
+    """Inside a lattice K is a multiple of I, and so is C₁."""
     fam, Q, model = pd.lattice_family(2, 2), bodies.rotation(2, 71), MODELS["wan control"]
     bonds = fam.bonds(jnp.eye(2))
     eta = 0.2 * bodies.random(71).normal(size=fam.xi.shape)
@@ -63,7 +63,7 @@ def test_wans_control_is_objective_inside_a_lattice():
 
 @pytest.mark.parametrize("name, least", [("littlewood control", 0.02), ("bond_associated force", 0.04)])
 def test_forces_without_an_energy_have_no_symmetric_jacobian(name, least):
-    """0.044 and 0.089 of V J on a cloud; inside a lattice the symbol is symmetric all the same."""
+    """On a cloud the asymmetry of V J is 0.044 and 0.089; inside a lattice the symbol is symmetric nevertheless."""
     assert asymmetry(bodies.respond(MODELS[name], CLOUD, U).jacobian) > least
     F, k = jnp.asarray(bodies.deformation(2, 71)), bodies.random(71).uniform(-3, 3, (5, 2))
     J = np.asarray(pd.symbol(MODELS[name], pd.lattice_family(2, 2, 0.5, pd.gaussian_influence), F, k))
@@ -71,7 +71,7 @@ def test_forces_without_an_energy_have_no_symmetric_jacobian(name, least):
 
 
 def test_the_bond_associated_force_exerts_a_moment():
-    """Its bonds pull along P_b K_b⁻¹ ξ_b, and nothing makes Σ T × Y vanish; with its energy it does."""
+    """Its bonds pull along P_b K_b⁻¹ ξ_b, so Σ T × Y is not zero. The energy-consistent model has no moment."""
     for name, expected in (("bond_associated force", 0.5), ("bond_associated", 0.0)):
         force = bodies.respond(MODELS[name], CLOUD, U).force
         assert abs(abs(moment(U, force)) / worst(force) - expected) < 0.05  # 0.52, 1e-15
@@ -90,9 +90,9 @@ def cubic_moduli(model, fam):
     "N, lps, springs", [(2, (0.4, 1.0), (0.480566, 1.019434)), (3, (0.675294, 0.724706), (0.724252, 0.775748))]
 )
 def test_moduli_are_off_by_the_anisotropy_of_the_lattice(N, lps, springs):
-    """k is exact; the shear modulus is 0.4 and 1.0 instead of 0.7 at N = 2 with ω = 1, 0.675 and 0.725 at N = 3.
+    """k is exact. The two shear moduli of LPS are 0.4 and 1.0 instead of 0.7 at N = 2, and 0.675 and 0.725 at N = 3.
 
-    In 2D the mean of the two is G. The springs' G is k/2: 0.75.
+    In 2D the mean of the two is G. The G of the bond-based model is k/2 = 0.75. ω is 1.
     """
     fam = pd.lattice_family(2, N)
     k, *shear = cubic_moduli(pd.LPS(1.5, 0.7), fam)
@@ -107,14 +107,14 @@ def test_moduli_are_off_by_the_anisotropy_of_the_lattice(N, lps, springs):
 
 
 def test_bond_associated_force_is_not_the_laws_stress():
-    """Σ V T⊗ξ = α P, in 1D α = 1.086 (N = 3, ω = 1): no modulus is promised."""
+    """Σ V T⊗ξ is α P with α = 1.086 in 1D (N = 3, ω = 1), so the model promises no modulus."""
     assert not MODELS["bond_associated force"].moduli_exact and not MODELS["bond_associated force"].affine_exact
     C = MODULI(MODELS["bond_associated force"], pd.lattice_family(1, 3))[0, 0, 0, 0]
     assert worst(C / 2.7, 1.0861320) < 1e-6
 
 
 def test_extended_correspondence_is_wrong_at_a_surface():
-    """m = 1 under an affine map: Ē is that of the map with the family's own L, and far off with that of a full ball."""
+    """For m = 1 under an affine map Ē is exact with the family's own L, and far off with the L of a full ball."""
     F = bodies.deformation(2, 72, size=0.2)
     E, u = peers.green(F), POINTS.positions @ (F - np.eye(2)).T
     right, wrong = (bodies.respond(kind(1.0, LINEAR), CLOUD, u).strain for kind in (pd.SethHill, pd.TupekRadovitzky))
@@ -127,7 +127,7 @@ def test_extended_correspondence_is_wrong_at_a_surface():
 
 @pytest.mark.parametrize("name", ["wan control", "silling control", "littlewood control"])
 def test_lengths_cancel_in_the_controls(name):
-    """All lengths times 1000: f, pressure over length, is a thousandth; no constant of a control carries a unit."""
+    """With all lengths times 1000, f (pressure over length) is a thousandth: no constant of a control has a unit."""
     s = 1000.0
     scaled = pd.cloud(s * POINTS.positions, s**2 * POINTS.volumes)
     fams = bodies.padded(pd.families(scaled, s * bodies.HORIZONS[2], pd.gaussian_influence), 14)
@@ -136,7 +136,7 @@ def test_lengths_cancel_in_the_controls(name):
 
 
 def equal_g(dim, N):
-    """The g at which Silling's control is Wan's on a lattice family with ω = 1."""
+    """The g at which Silling's control equals Wan's on a lattice family with ω = 1."""
     bonds = pd.lattice_family(dim, N).bonds(jnp.eye(dim))
     tangent = tangent_at_rest(LINEAR, dim, float)
     K = pd.shape_tensor_K(bonds)
@@ -149,8 +149,8 @@ def equal_g(dim, N):
 @pytest.mark.parametrize(
     "dim, N, g", [(3, 3, 0.5391), (3, 3.015, 0.5527), (3, 6.015, 0.6101), (2, 3, 0.6237), (1, 3, 0.4821)]
 )
-def test_silling_is_wan_at_a_number_that_tends_to_that_of_the_full_ball(dim, N, g):
-    """5/8, 2/3, 3/4 as N → ∞; in 3D g = πδ⁵/(2 Σ|ξ|²), 0.55 and 0.61 at the usual N = 3.015 and 6.015."""
+def test_silling_control_equals_wan_control_at_a_g_that_tends_to_that_of_the_full_ball(dim, N, g):
+    """g tends to 5/8, 2/3 and 3/4 as N → ∞. In 3D g = πδ⁵/(2 Σ|ξ|²): 0.55 and 0.61 at the usual N = 3.015 and 6.015."""
     found, ball = equal_g(dim, N), {3: 5 / 8, 2: 2 / 3, 1: 3 / 4}[dim]
     assert worst(found, g) < 1e-4  # 5e-5
     finer = equal_g(dim, {3: 12, 2: 60, 1: 1000}[dim])
@@ -173,7 +173,7 @@ def test_micromoduli_of_a_full_ball():
 
 
 def test_springs_of_a_full_ball_are_too_stiff_on_a_lattice():
-    """3D, N = 3.015: the energy of a hydrostatic strain is 9.9 % above ½ K tr(ε)²."""
+    """In 3D at N = 3.015 the energy of a hydrostatic strain is 9.9 % above ½ K tr(ε)²."""
     fam, strain = pd.lattice_family(3, 3.015, 0.5), 1e-4
     bonds = fam.bonds((1 + strain) * jnp.eye(3))
     exact = 4.5 * 1.5 * strain**2
@@ -181,8 +181,8 @@ def test_springs_of_a_full_ball_are_too_stiff_on_a_lattice():
     assert worst(pd.BondBased.from_family(1.5, fam).energy(bonds) / exact, 1.0) < 1e-12  # 2e-13
 
 
-def test_a_spring_pulls_by_its_stretch():
-    """m = ½ or none: ½ ω c (s − 1) along Y, in closed form; m = 1: ½ ω c (s² − 1)/2 · s; m = 0: ½ ω c log s/s."""
+def test_bond_force_of_the_bond_based_model_has_the_closed_form():
+    """Along Y: ½ ω c (s − 1) for m = ½ or None, ½ ω c (s² − 1)/2 · s for m = 1, ½ ω c log s/s for m = 0."""
     xi, eta = np.array([0.3, -0.4]), np.array([0.2, 0.1])
     bond = pd.Bonds(*(jnp.asarray(x) for x in (xi, eta, 0.8, 1.1, 2.0)))
     Y = xi + eta
@@ -204,7 +204,7 @@ def test_reproducing_kernel_of_order_one_is_the_average():
 
 @pytest.mark.parametrize("name", ["bond_level average", "reproducing_kernel 2"])
 def test_a_graded_model_of_two_stages_has_the_slope_of_its_energy(name):
-    """c_i on the bonds of point i: the force on the states comes back with the neighbour's factor."""
+    """The energy of point i's bonds has the factor c_i, so the force through the neighbours' states has theirs."""
     c = bodies.random(73).uniform(0.4, 2.5, 15)
     out = bodies.respond(pd.graded(MODELS[name], c), CLOUD, U)
     args = (POINTS.positions, POINTS.volumes, bodies.HORIZONS[2])
@@ -220,7 +220,7 @@ def test_a_graded_model_of_two_stages_has_the_slope_of_its_energy(name):
 
 
 def test_quadratic_fields_have_their_gradient_at_every_point():
-    """Order 2: exact, at the surface too; F̄ of correspondence is off by as much as the gradient varies."""
+    """The gradient of order 2 is exact, at the surface too. That of order 1 is off by the variation of the gradient."""
     X, A = POINTS.positions, 0.05 * bodies.random(74).normal(size=(2, 2, 2))
     u = np.einsum("kij,pi,pj->pk", A, X, X)
     exact = np.einsum("kij,pi->pkj", A + A.transpose(0, 2, 1), X)
@@ -247,8 +247,8 @@ SYMBOL = eqx.filter_jit(pd.symbol)
         ("bond_associated", True),
     ],
 )
-def test_a_checkerboard_costs_energy_or_does_not(name, costs):
-    """At rest, −eᵀ Ĵ(k) e/2 is the energy of a unit wave: 0 for correspondence at every half-reciprocal k."""
+def test_a_checkerboard_wave_has_energy_except_in_correspondence(name, costs):
+    """At rest −eᵀ Ĵ(k) e/2 is the energy of a unit wave. In correspondence it is 0 at every half-reciprocal k."""
     k = np.pi * np.array([[1.0, 1.0], [1.0, 0.0]])
     J = np.asarray(SYMBOL(MODELS[name], pd.lattice_family(2, 2, 1.0, pd.gaussian_influence), jnp.eye(2), k))
     top = np.linalg.eigvalsh((J + J.swapaxes(1, 2)) / 2)[:, -1]
@@ -293,7 +293,7 @@ def test_wrong_constants_are_named(make, named):
         make()
 
 
-def test_families_too_poor_are_refused():
+def test_families_with_too_few_bonds_are_refused():
     I = np.eye
     with pytest.raises(ValueError, match="LPS is defined in dimension 2 or 3; this family has dim 1"):
         pd.force_state(MODELS["lps"], pd.lattice_family(1, 2), I(1))
@@ -305,7 +305,7 @@ def test_families_too_poor_are_refused():
         pd.force_state(pd.BondAssociated(LINEAR, 0.5), pd.lattice_family(2, 1), I(2))
     with pytest.raises(ValueError, match=r"that of bond \d+, ξ = \(.*\), of the family of point \d+ is singular"):
         pd.force_density(pd.BondAssociatedForce(LINEAR, 0.1), CLOUD, U)
-    # a honeycomb: three neighbours, each alone in its quadrant, so that K can be inverted and no sector's
+    # In a honeycomb each of the three neighbours is alone in its quadrant, so K is invertible but K of no sector is.
     cell = np.array([[0.0, 0.0], [0.0, 1.0], [0.5 * 3**0.5, 1.5], [0.5 * 3**0.5, 2.5]])
     honeycomb = pd.cloud(np.concatenate([cell, np.add(cell, [3**0.5, 0.0])]), 1.0, period=(12**0.5, 3.0))
     check_model(MODELS["correspondence svk"], pd.families(honeycomb, 1.1), pd.Families)
@@ -317,7 +317,7 @@ def test_families_too_poor_are_refused():
 
 @pytest.mark.parametrize("dim, N", [(2, 1), (3, 2)])
 def test_sectors_of_small_families_span(dim, N):
-    """Borders are shared: quadrants of four bonds, octants of N = 2; affine maps are exact in each."""
+    """Bonds on borders are shared, so quadrants at N = 1 and octants at N = 2 span space and affine maps are exact."""
     F = bodies.deformation(dim, 75)
     model, fam = MODELS["sub_horizon"], pd.lattice_family(dim, N)
     P = pd.piola_stress(model, fam, F)
@@ -325,8 +325,8 @@ def test_sectors_of_small_families_span(dim, N):
 
 
 @pytest.mark.parametrize("name", ["bond_level", "reproducing_kernel 2", "bond_associated"])
-def test_padding_has_no_say_in_a_half_turn(name):
-    """A padded bond does not turn: its own det F_ξ is −1, and log det F_ξ of a law in F no number."""
+def test_padded_bonds_do_not_change_the_forces_after_a_half_turn(name):
+    """A padded bond does not rotate: its det F_ξ would be −1, and log det F_ξ of a law in F would be NaN."""
     X = POINTS.positions
     one, turned = bodies.respond(MODELS[name], CLOUD, U), bodies.respond(MODELS[name], CLOUD, -2 * X - U)
     assert worst(turned.force, -one.force) < 1e-13  # 1e-14

@@ -1,4 +1,4 @@
-"""No verdict depends on units, in either precision: lengths, moduli and densities times powers of ten."""
+"""No verdict depends on units, in float32 and float64: lengths, moduli and densities are scaled by powers of ten."""
 
 import jax
 import numpy as np
@@ -6,7 +6,7 @@ import pytest
 
 import pdjax as pd
 
-UNITS = [(1e-9, 1e11, 8e3), (1e3, 1e9, 1e-3)]  # of length, pressure, density
+UNITS = [(1e-9, 1e11, 8e3), (1e3, 1e9, 1e-3)]  # units of length, pressure and density
 
 
 @pytest.fixture(params=[32, 64])
@@ -23,7 +23,7 @@ def lattice_models(P, fam):
 
 
 @pytest.mark.parametrize("dim, N", [(1, 3), (2, 2), (3, 1.5)])
-def test_verdict_margin_and_load_of_a_lattice(precision, dim, N):
+def test_verdict_margin_and_load_of_a_lattice_do_not_depend_on_units(precision, dim, N):
     def found(h, P):
         fam, F = pd.lattice_family(dim, N, spacing=h), 0.97 * np.eye(dim)
         rows = []
@@ -40,14 +40,14 @@ def test_verdict_margin_and_load_of_a_lattice(precision, dim, N):
             assert row[:2] == right[:2]
             margins = np.abs(np.array(row[2:4]) - right[2:4])
             assert margins.max() < (1e-14 if precision == 64 else 1e-6)  # 3e-17, 8e-8
-            if np.isfinite(right[4]):  # the edge of a side that is marginal before it: the margin leaves 0 there
-                assert abs(row[4] - right[4]) < 1e-6  # 2e-7, and 3e-14 where the side is stable before
+            if np.isfinite(right[4]):
+                assert abs(row[4] - right[4]) < 1e-6  # 2e-7 where the margin leaves 0, 3e-14 where it was negative
             else:
                 assert row[4] == right[4]
 
 
 @pytest.mark.parametrize("h, P", [(1e-6, 1e11), (1e3, 1e9)])
-def test_a_map_and_its_verdicts(precision, h, P):
+def test_verdicts_of_a_map_do_not_depend_on_units(precision, h, P):
     def verdict(P):
         law = pd.LinearElastic(P, 0.8 * P)
         return pd.stability_map([0.0, 1.0], [-0.05, 0.05], law=law, lines=("diagonal",), show_progress=False).verdict
@@ -56,7 +56,7 @@ def test_a_map_and_its_verdicts(precision, h, P):
 
 
 @pytest.mark.parametrize("dim", [3])
-def test_equilibrium_spectrum_and_time_step_of_a_body(precision, dim):
+def test_equilibrium_spectrum_and_time_step_of_a_body_do_not_depend_on_units(precision, dim):
     shape = {2: (8, 4), 3: (6, 3, 3)}[dim]
 
     def found(h, P, density):
@@ -80,7 +80,7 @@ def test_equilibrium_spectrum_and_time_step_of_a_body(precision, dim):
         assert error.max() < (1e-8 if precision == 64 else 3e-6)  # 2e-11 (relaxation stops at 1e-10), 3e-7
 
 
-def test_forces_beyond_the_numbers_of_32_bits_are_said():
+def test_forces_beyond_float32_raise_with_advice():
     with jax.enable_x64(False):
         h, law = 1e-7, pd.LinearElastic(1e11, 1e11)
         fams = pd.families(pd.lattice((4, 4, 4), h), 2 * h)

@@ -1,4 +1,4 @@
-"""A model of one's own: its constants are arrays, and what is wrong with it is said in words."""
+"""Models of the user: their constants are arrays, and errors in them are explained."""
 
 import subprocess
 import sys
@@ -31,7 +31,7 @@ class Unfinished(pd.AbstractModel):
 
 class Eta(Springs):
     def energy(self, bonds):
-        return jnp.sum(jnp.linalg.norm(bonds.eta, axis=1))  # has no derivative at rest
+        return jnp.sum(jnp.linalg.norm(bonds.eta, axis=1))  # not differentiable at rest
 
 
 class PerBond(Springs):
@@ -60,13 +60,13 @@ def test_another_value_is_not_traced_again():
 
 def test_critical_load_of_a_field_has_a_derivative():
     load = lambda model: pd.critical_load(model, PLANE, criterion="affine", side="positive")  # noqa: E731
-    slope = eqx.filter_grad(load)(Springs(1.0, 2.0))  # of an array only: a float that stayed one would be left out
+    slope = eqx.filter_grad(load)(Springs(1.0, 2.0))  # filter_grad differentiates arrays only, not Python floats
     central = float(load(Springs(1.0, 2.0 + 1e-4)) - load(Springs(1.0, 2.0 - 1e-4))) / 2e-4
     assert abs(float(slope.softening) / central - 1) < 1e-6
-    assert abs(float(slope.stiffness)) < 1e-12  # a common factor moves no critical load
+    assert abs(float(slope.stiffness)) < 1e-12  # a common factor does not change a critical load
 
 
-def test_a_law_of_ones_own_has_arrays_too():
+def test_fields_of_a_user_law_become_arrays():
     class Own(pd.Law):
         k: float
         takes = "E"
@@ -89,13 +89,13 @@ def test_a_law_of_ones_own_has_arrays_too():
         (lambda: pd.model_atlas(["Seth-Hill 7"]), ValueError, "'Seth–Hill ½'"),
     ],
 )
-def test_what_is_wrong_is_said(call, error, words):
+def test_errors_of_user_models_say_what_is_wrong(call, error, words):
     with pytest.raises(error, match=words):
         call()
 
 
-def test_one_family_and_families_are_told_apart():
-    """In a process of its own: here the types are checked before."""
+def test_errors_distinguish_a_lattice_family_from_families_of_a_body():
+    """It runs in another process, because the tests check types before the package does."""
     code = """
 import numpy as np, pdjax as pd
 model, one = pd.SethHill(1.0, pd.LinearElastic(1.0, 1.0)), pd.lattice_family(2, 2)
@@ -109,7 +109,7 @@ for call in calls:
         print(error)
 """
     said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
-    assert said.count("an infinite lattice is one Family, of pd.lattice_family") == 3
+    assert said.count("an infinite lattice is one LatticeFamily, of pd.lattice_family") == 3
     assert said.count("a body has Families, of pd.families") == 3
 
 
@@ -121,13 +121,13 @@ for call in calls:
         ("SETH–HILL 0.5", "Seth–Hill ½"),
     ],
 )
-def test_names_of_models_can_be_typed(typed, name):
+def test_names_of_models_can_be_typed_in_ascii(typed, name):
     assert pd.models.catalogue.model_name(typed) == name
 
 
 @pytest.mark.parametrize("dim", [1, 2, 3])
 def test_continuum_is_marginal_at_the_order_where_gamma_vanishes(dim, law):
-    """Terms of the size of the stress cancel there: what rounding leaves of them is no load."""
+    """Terms of the size of the stress cancel there, and the rounding that remains must not be taken for a load."""
     fam, model = pd.lattice_family(dim, 2), pd.SethHill(1 - dim / 2, law)
     for side in ("negative", "positive"):
         assert np.isinf(pd.critical_load(model, fam, pd.hydrostatic, "continuum", side))

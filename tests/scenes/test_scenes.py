@@ -1,4 +1,4 @@
-"""The scenes: their geometry, their closed forms by an independent solution, and the graded model they rest on."""
+"""The scenes: their geometry, their closed forms compared with independent solutions, and the graded model."""
 
 import functools
 
@@ -21,7 +21,7 @@ SVK, HENCKY = pd.SethHill(1.0, UNIT), pd.SethHill(0.0, UNIT)
 
 
 def unbalanced(scene, u):
-    """Forces on the free components alone."""
+    """Unbalanced forces on the free components."""
     return np.asarray(scene.unbalanced(u)).reshape(-1)[scene.unknowns]
 
 
@@ -36,7 +36,7 @@ def unbalanced(scene, u):
     ],
 )
 def test_a_graded_model_is_the_model_of_graded_constants(make):
-    """c W(λ, μ) = W(cλ, cμ) point by point: energy, force; and the force is the energy's slope."""
+    """c W(λ, μ) = W(cλ, cμ) at every point holds for energy and force, and the force is minus ∂W/∂u."""
     c = bodies.random(60).uniform(0.4, 2.5, 15)
     fams, u = bodies.families(2, "cloud"), jnp.asarray(bodies.displacement(2, "cloud", 60))
     graded, varied = pd.graded(make(pd.LinearElastic(1.3, 0.7)), c), make(pd.LinearElastic(1.3 * c, 0.7 * c))
@@ -48,7 +48,7 @@ def test_a_graded_model_is_the_model_of_graded_constants(make):
 
 
 @pytest.mark.parametrize("name", MODELS)
-def test_a_graded_model_keeps_the_promises(name):
+def test_a_graded_model_has_the_promises_of_its_model(name):
     inside, outside = MODELS[name], pd.graded(MODELS[name], 2.0)
     for promise in {*PROMISES, "isotropic"} - {"additive", "degree"}:  # the factor multiplies a force, not the state
         assert getattr(outside, promise) == getattr(inside, promise)
@@ -56,7 +56,7 @@ def test_a_graded_model_keeps_the_promises(name):
         assert isinstance(outside, kind) == isinstance(inside, kind)
 
 
-def test_a_graded_local_energy_is_multiplied():
+def test_the_local_energy_of_a_graded_model_is_multiplied_by_the_factor():
     F = jnp.asarray(bodies.deformation(2, 61))
     E = (F.T @ F - jnp.eye(2)) / 2
     psi = 2.5 * (0.65 * jnp.trace(E) ** 2 + 0.7 * jnp.sum(E * E))
@@ -64,7 +64,7 @@ def test_a_graded_local_energy_is_multiplied():
 
 
 @pytest.mark.parametrize("factor", [0.0, -1.0, np.nan, [1.0, np.inf]])
-def test_a_grade_that_is_no_modulus_is_refused(factor):
+def test_a_factor_that_is_not_finite_and_positive_is_refused(factor):
     with pytest.raises(ValueError, match="factor of a graded model must be finite and > 0"):
         pd.graded(SVK, jnp.asarray(factor))
 
@@ -72,8 +72,8 @@ def test_a_grade_that_is_no_modulus_is_refused(factor):
 # ---------------------------------------------------------------- the step-size bar
 
 
-def test_step_size_bar_is_as_the_paper_has_it():
-    """n points at 1/n about 0, six at each end held at strain · X, nothing else."""
+def test_step_size_bar_is_that_of_the_paper():
+    """It has n points at spacing 1/n about 0, and six points at each end are held at strain · X."""
     scene = scenes.step_size_bar(41, strain=-0.03)
     x = scene.body.positions[:, 0]
     assert len(x) == 41 and worst(np.diff(x), 1 / 41) < 1e-15  # measured 9e-18
@@ -88,7 +88,7 @@ def test_step_size_bar_is_as_the_paper_has_it():
 
 @pytest.mark.parametrize("strain", [-0.3, 1.0])
 def test_step_size_bar_is_in_equilibrium_while_the_clamps_are_two_horizons_deep(strain):
-    """f = 0 on the free points for clamp = 2N; one point less and a free point feels the surface."""
+    """f = 0 on the free points for clamp = 2N. With one point less the surface acts on a free point."""
     good, thin = (scenes.step_size_bar(41, 3, strain, clamp) for clamp in (6, 5))
     size = worst(good.unbalanced(good.closed_form))
     assert worst(unbalanced(good, good.closed_form)) / size < 1e-13  # measured 2e-15
@@ -108,7 +108,7 @@ def scipy_strain(stress):
 
 
 def scipy_displacement(x, stress, alpha):
-    """∫ e dx, beyond the middle over y, x = ½ + y⁶: e grows as y⁻² there."""
+    """∫ e dx. Beyond the middle the variable is y with x = ½ + y⁶, where e grows as y⁻²."""
     u = scipy_strain(stress) * min(x, 0.5)
     if x > 0.5:
         top = (x - 0.5) ** (1 / 6)
@@ -119,7 +119,7 @@ def scipy_displacement(x, stress, alpha):
 
 @pytest.mark.parametrize("stress, alpha", [(1e-3, 10.0), (0.05, 4.0)])
 def test_local_solution_of_the_singular_bar_by_scipy(stress, alpha):
-    """Strain by a root of the cubic, displacement by quadrature."""
+    """The strain is a root of the cubic, and the displacement is found by quadrature."""
     x = np.array([0.1, 0.5, 0.5001, 0.51, 0.7, 1.0])
     u, e = pd.closed_forms.singular_bar_local(SVK, x, 1.0, stress, alpha)
     exact = np.array([scipy_strain(stress * softness(y, alpha)) for y in x])
@@ -131,7 +131,7 @@ def test_local_solution_of_the_singular_bar_by_scipy(stress, alpha):
 
 
 def test_local_solution_tends_to_the_linear_one():
-    """σ → 0: the printed small-strain form, the difference in proportion to σ."""
+    """For σ → 0 the difference from the printed small-strain form is proportional to σ."""
     x = np.array([0.2, 0.55, 0.8, 1.0])
     away = []
     for stress in (1e-6, 1e-7):
@@ -158,8 +158,8 @@ def test_the_branch_ends_at_the_limit_point():
         assert abs(float(strain(HENCKY, np.log1p(e) / (1 + e))) / e - 1) < 1e-13  # measured 4e-15
 
 
-def test_strain_is_nan_where_the_local_bar_would_buckle():
-    """In compression a stretch beyond the middle has no solution: σ (1 + α/2t) below −1/√27."""
+def test_strain_is_nan_where_the_local_bar_has_no_solution():
+    """In compression a part of the bar has no solution: there σ (1 + α/2t) is below −1/√27."""
     x, stress = np.linspace(0.5, 1.0, 101), -0.05
     _, e = pd.closed_forms.singular_bar_local(SVK, x, 1.0, stress, 2.0)
     lost = stress * np.array([softness(y, 2.0) for y in x]) < -(3**-1.5)
@@ -168,7 +168,7 @@ def test_strain_is_nan_where_the_local_bar_would_buckle():
 
 
 def test_profile_of_the_singular_bar():
-    """E/E₀ = (1 + α/(2√(x − ½)))⁻¹ beyond the middle, 2N points held, 2N loaded, Σ V b = σ."""
+    """E/E₀ = (1 + α/(2√(x − ½)))⁻¹ beyond the middle. 2N points are held, 2N are loaded, and Σ V b = σ."""
     scene = scenes.singular_bar(30, 2, 0.02, 7.0)
     x = (np.arange(30) + 0.5) / 30
     exact = np.array([1 / softness(y, 7.0) for y in x])
@@ -185,8 +185,8 @@ def test_profile_of_the_singular_bar():
 
 @pytest.mark.parametrize("N, m", [(1, 1.0), (1.5, 0.0), (2, -0.7), (3, 1.0), (3, 0.0)])
 @pytest.mark.parametrize("stress", [0.02, -0.1])
-def test_patch_test(N, m, stress):
-    """α = 0: the homogeneous state of the exact traction is found to rounding; its strain by hand."""
+def test_singular_bar_without_singularity_passes_the_patch_test(N, m, stress):
+    """For α = 0 and the exact traction the solution is the homogeneous state to rounding, with the strain by hand."""
     scene = scenes.singular_bar(30, N, stress, 0.0, pd.SethHill(m, UNIT))
     if m == 1:
         e = scipy_strain(stress)
@@ -205,8 +205,8 @@ def test_patch_test(N, m, stress):
     assert worst(found.u, u) < 1e-13  # measured 9e-16
 
 
-def test_an_even_traction_disturbs_the_patch():
-    """Its sum is the same, its solution is not the homogeneous one."""
+def test_an_even_traction_disturbs_the_homogeneous_state():
+    """The even traction has the same sum, but the solution is not homogeneous."""
     scene = scenes.singular_bar(30, 3, 0.02, 0.0, traction="even")
     found = pd.solve(scene, stability=False)
     assert found.converged
@@ -221,7 +221,7 @@ def test_an_even_traction_disturbs_the_patch():
     [((12, 11), 2, "seth_hill m=-0.7"), ((9, 11), 1.5, "seth_hill m=1, energy only"), ((5, 7, 6), 1, None)],
 )
 def test_a_clamped_plate_is_homogeneous(shape, N, name):
-    """u = (F − I) X about the middle is an exact equilibrium, whatever the model; only the rim is held."""
+    """u = (F − I) X about the middle is an exact equilibrium for every model, and only the rim is held."""
     dim, rim = len(shape), 2 * int(np.ceil(N))
     model = pd.Correspondence(pd.NeoHookean(lam=1.3, mu=0.7)) if name is None else MODELS[name]
     F = bodies.deformation(dim, 62, size=0.2)
@@ -248,7 +248,7 @@ def wanted(x, y):
 
 
 def piola(x, y, h=1e-3):
-    """P = F S of u*, its gradient by central differences of fourth order."""
+    """P = F S of u*, with the gradient of u* by central differences of fourth order."""
     F = np.eye(2)
     for k, (a, b) in enumerate([(h, 0), (0, h)]):
         near, far = (wanted(x + s * a, y + s * b) - wanted(x - s * a, y - s * b) for s in (1, 2))
@@ -258,7 +258,7 @@ def piola(x, y, h=1e-3):
 
 
 def test_manufactured_body_force_is_minus_the_divergence_of_the_stress():
-    """By finite differences of P = F (tr E I + 2 E) of the displacement wanted."""
+    """The divergence is that of P = F (tr E I + 2 E) of u*, by finite differences."""
     scene, h = manufactured(16), 1e-3
     for point in (5 * 16 + 6, 9 * 16 + 4):
         X = scene.body.positions[point]
@@ -271,7 +271,7 @@ def test_manufactured_body_force_is_minus_the_divergence_of_the_stress():
 
 
 def test_manufactured_plate_converges_at_second_order():
-    """Horizon = 2 spacings, n = 16 and 32: the largest error falls with an order above 1.5."""
+    """For a horizon of 2 spacings the largest error at n = 16 and 32 decreases with an order above 1.5."""
     errors = []
     for n in (16, 32):
         found = pd.solve(manufactured(n), stability=False)
@@ -283,12 +283,12 @@ def test_manufactured_plate_converges_at_second_order():
 
 @pytest.mark.parametrize("make", [pd.BondLevel, pd.BondLevelAverage])
 def test_the_rim_of_a_plate_is_as_wide_as_its_forces_reach(make):
-    """A third ring of points was left out of balance by 4e-4 where states of both ends count."""
+    """For models with the states of both ends a rim of 2N points left a third ring out of balance by 4e-4."""
     scene = pd.scenes.clamped_plate((14, 13), 2, np.diag([1.01, 0.99]), make(pd.LinearElastic(1.0, 1.0)))
     force = np.asarray(scene.unbalanced(scene.closed_form)).reshape(-1)[np.asarray(scene.unknowns)]
     assert np.abs(force).max() < 1e-14  # 2e-17
 
 
-def test_a_wave_beyond_the_zone_is_refused_with_the_one_that_it_is():
-    with pytest.raises(ValueError, match=r"up to half as many lengths.*that of \[-?20\.?\]|that of \[20"):
+def test_a_wave_beyond_the_brillouin_zone_is_refused_and_the_equivalent_wave_is_named():
+    with pytest.raises(ValueError, match=r"up to half as many wavelengths.*the same wave as \[-?20\.?\]"):
         pd.scenes.wave(40, k=2 * np.pi * 100 / 40)

@@ -1,4 +1,4 @@
-"""Motions of bodies: velocity Verlet, diffrax, time steps, rates."""
+"""Motions of bodies: velocity Verlet, the solvers of diffrax, time steps, and growth rates and frequencies."""
 
 from .history import Failure, History
 from .rates import Rate, amplitude, measured_rate, verlet_rate

@@ -1,8 +1,10 @@
-"""Checkpoints of a run: everything that is needed to go on bit for bit, in one file that is whole or not there.
+"""Checkpoints of a run: one file with everything that is needed to continue the run bit for bit.
 
-A checkpoint belongs to one motion, step and cadence: it carries a fingerprint of them and of the version, and is
-refused by any other. It is written beside the old one and moved over it, so a run killed at any moment leaves a valid
-one; a disk that is full costs a warning, and the old one stays.
+A checkpoint belongs to one motion, one time step and one `save_every`. It contains a fingerprint of these and of the
+version of pdjax, and `load` raises ValueError for the checkpoint of another run.
+
+`save` writes a new file beside the old one and then renames it. A run that is killed at any moment therefore leaves a
+valid checkpoint. If the disk is full, `save` gives a warning and the old checkpoint stays.
 """
 
 import hashlib
@@ -25,13 +27,14 @@ VERSION = importlib.metadata.version("pdjax")
 
 
 def fingerprint(program: str, *data: Any) -> str:
-    """Names a run by what it computes and on what: the same in any process.
+    """Return a hash of what a run computes and of its data. It is the same in every process.
 
-    program: the lowered text of its compiled steps, in which every law, schedule and observer is written out; data: its
-    arrays and numbers.
+    program: the lowered text of the compiled steps, which contains every law, schedule and observer. data: the arrays
+    and numbers of the run.
     """
     digest = hashlib.sha256(VERSION.encode())
-    digest.update(re.sub(r'backend_config = "[^"]*"', "", program).encode())  # addresses of callbacks
+    # `backend_config` holds addresses of callbacks, which differ between processes.
+    digest.update(re.sub(r'backend_config = "[^"]*"', "", program).encode())
     for leaf in jax.tree.leaves(data):
         array = np.ascontiguousarray(leaf)
         digest.update(f"{array.shape} {array.dtype}".encode() + array.tobytes())
@@ -39,7 +42,7 @@ def fingerprint(program: str, *data: Any) -> str:
 
 
 def save(path: str | os.PathLike, name: str, state: State, records: list[Any]) -> bool:
-    """Write state and records so far; False with a warning if the disk refuses."""
+    """Write the state and all records so far. Gives a warning and returns False if the file cannot be written."""
     arrays = {f"state_{k}": np.asarray(x) for k, x in state._asdict().items()}
     columns = zip(*(jax.tree.leaves(r) for r in records), strict=True)
     arrays |= {f"record_{k}": np.stack([np.asarray(x) for x in column]) for k, column in enumerate(columns)}
@@ -48,7 +51,7 @@ def save(path: str | os.PathLike, name: str, state: State, records: list[Any]) -
             np.savez(stream, fingerprint=name, version=VERSION, **arrays)  # type: ignore[arg-type]
     except OSError as error:
         warnings.warn(
-            f"no checkpoint was written: {error}; the run goes on",
+            f"no checkpoint was written: {error}; the run continues, and an earlier checkpoint stays as it is",
             stacklevel=3,
         )
         return False
@@ -56,13 +59,14 @@ def save(path: str | os.PathLike, name: str, state: State, records: list[Any]) -
 
 
 def load(path: str | os.PathLike, name: str, like: Any) -> tuple[State, list[Any]]:
-    """State and records of a checkpoint; `like` is a record of the shape to restore.
+    """Return the state and the records of a checkpoint. `like` is a record with the structure to restore.
 
-    Raises: FileNotFoundError; ValueError for a file that is no checkpoint, of another version, or of another run.
+    Raises FileNotFoundError if there is no file, and ValueError if the file is not a checkpoint, or if another version
+    of pdjax or another run wrote it.
     """
     path = Path(path)
     if not path.exists():
-        raise FileNotFoundError(f"no checkpoint at {path}: run once without resume to make it")
+        raise FileNotFoundError(f"no checkpoint at {path}: run once without resume to write it")
     try:
         with np.load(path, allow_pickle=False) as file:
             arrays = dict(file)
@@ -70,12 +74,12 @@ def load(path: str | os.PathLike, name: str, like: Any) -> tuple[State, list[Any
     except (OSError, ValueError, KeyError, TypeError, zipfile.BadZipFile, EOFError) as error:
         raise ValueError(f"{path} is not a checkpoint of pdjax, or is damaged: {error}") from None
     if version != VERSION:
-        raise ValueError(f"checkpoint {path} was written by pdjax {version}, this is {VERSION}: start the run anew")
+        raise ValueError(f"checkpoint {path} was written by pdjax {version}, this is {VERSION}: start the run again")
     if found != name:
         raise ValueError(
             f"checkpoint {path} belongs to another run: its scene, model, density, schedule, observers, fields, dt or"
-            " save_every differ from this one's (their defaults depend on the duration: to go on to a longer one, give"
-            " both from the start), or another version of JAX wrote it"
+            " save_every differ from those of this run, or another version of JAX wrote it; the defaults of dt and"
+            " save_every depend on the duration, so give both from the start if you want to extend a run later"
         )
     state = State(*(jnp.asarray(arrays[f"state_{k}"]) for k in State._fields))
     leaves, structure = jax.tree.flatten(like)

@@ -1,4 +1,4 @@
-"""What a simulation says: the saves, the budget of energy, what was observed, and where and how it ended."""
+"""The result of a simulation: the saves, the energy budget, the observed values, and how and where the run ended."""
 
 from typing import Any
 
@@ -14,19 +14,47 @@ DONE, NOT_FINITE, ENERGY_GREW, SOLVER_FAILED = range(4)
 REASONS = (
     "ran to its end",
     "a value is not finite",
-    "energy grew without cause",
-    "the solver gave up",
+    "the energy grew beyond what was supplied",
+    "the solver failed",
 )
-GROWTH = 10.0  # energy over what was given, beyond which it has no cause (linear motions of a stable step: at most 1)
+# Energy over supplied energy at which a run is stopped. A linear motion with a stable step never exceeds 1.
+GROWTH = 10.0
 
 
 class Failure(eqx.Module):
-    """Where a run ended early.
+    """Description of a run that ended early.
 
-    time, step: of the last finite state; point: where |v| is largest at the last save before, at position (dim,); mode
-    (points, dim): v there, of unit length; wave_vector (dim,) [1/length]: the largest Fourier component of the mode on
-    a lattice, or None; critical_step: 2/ω_max, the smaller of that at the start and there, NaN where it can't be found;
-    why: the whole in words.
+    Attributes
+    ----------
+    time : float
+        Time [time] of the last finite state.
+    step : int
+        Step number of the last finite state. For `simulate_diffrax`: the number of steps that the solver tried.
+    point : int
+        Number of the fastest point at the last save before the failure.
+    position : array, shape (dim,)
+        Reference position [length] of that point.
+    mode : array, shape (points, dim)
+        Velocities at the last save before the failure, scaled to unit length.
+    wave_vector : array, shape (dim,), or None
+        Wave vector [1/length] of the largest Fourier component of `mode`. None for a body that is not a full
+        lattice, and for `simulate_diffrax`.
+    critical_step : float
+        Critical time step 2/ω_max [time]: the smaller of those at the start and at that save. NaN if neither is
+        known, and for `simulate_diffrax`.
+    why : str
+        All of this in words.
+
+    Examples
+    --------
+    This chain of springs has a critical time step of 1. The larger dt = 1.1 gives a warning, and the run fails:
+
+    >>> import warnings
+    >>> motion = pd.scenes.wave(8, N=1, model=pd.BondBased(1.0))
+    >>> with warnings.catch_warnings(action="ignore"):
+    ...     history = pd.simulate(motion, 1000.0, dt=1.1, show_progress=False)
+    >>> history.finished, round(history.failure.critical_step, 6), history.failure.time < 1000.0
+    (False, 1.0, True)
     """
 
     time: float
@@ -40,11 +68,35 @@ class Failure(eqx.Module):
 
 
 class History(eqx.Module):
-    """The answer of `simulate` and of `simulate_diffrax`.
+    """Result of `simulate` and of `simulate_diffrax`.
 
-    times (saves,) [time], the start included; u, v (saves, points, dim), or of the last save alone if fields were not
-    kept; energies: `Energies` of (saves,) arrays; observed: a dictionary of arrays (saves, …); dt; steps taken; code:
-    how it ended (`reason` in words), None under a transformation; failure: `Failure` or None.
+    Attributes
+    ----------
+    times : array, shape (saves,)
+        Times [time] of the saves, including the start.
+    u : array, shape (saves, points, dim)
+        Displacements [length]. Only the last save, shape (1, points, dim), if the run used `fields=False`.
+    v : array, shape (saves, points, dim)
+        Velocities [length/time]. Only the last save if the run used `fields=False`.
+    energies : Energies
+        Energy budget [energy], arrays of shape (saves,).
+    observed : dict of str to array, shape (saves, …)
+        Values of the observers.
+    dt : float
+        Time step [time]. For `simulate_diffrax`: the mean step.
+    steps : int
+        Number of steps.
+    code : int or None
+        How the run ended: 0 at its end, other numbers as in `reason`. None under a transformation of JAX.
+    failure : Failure or None
+        Description of a run that ended early.
+
+    Examples
+    --------
+    >>> motion = pd.scenes.wave(8, N=1, model=pd.BondBased(1.0))
+    >>> history = pd.simulate(motion, 1.0, dt=0.1, show_progress=False)
+    >>> history.u.shape, history.steps, history.reason
+    ((11, 8, 1), 10, 'ran to its end')
     """
 
     times: Float[Array | np.ndarray, " saves"]
@@ -59,23 +111,23 @@ class History(eqx.Module):
 
     @property
     def finished(self) -> bool:
-        """Whether it ran to its end."""
+        """True if the run reached its end. False for a run under a transformation of JAX, which is not monitored."""
         return self.code == DONE
 
     @property
     def reason(self) -> str:
-        """How it ended, in words."""
+        """How the run ended, in words."""
         if self.code is None:
-            return "traced: nothing was watched"
+            return "the run was traced and therefore not monitored"
         return REASONS[self.code] if self.failure is None else f"{REASONS[self.code]}: {self.failure.why}"
 
     def __str__(self) -> str:
         error = float(np.max(np.abs(np.asarray(self.energies.error))))
         said = f"energy error {error:.1e} of the largest"
         if np.isnan(np.asarray(self.energies.strain)).all():
-            said = "a model without an energy, so no energy error"
+            said = "the model has no energy, so there is no energy error"
         elif np.isnan(np.asarray(self.energies.supports)).all():
-            said = "works are not tracked, so no energy error"
+            said = "works are not tracked, so there is no energy error"
         return (
             f"motion: {self.reason}\n  {int(self.steps)} steps of {float(self.dt):.6g} to"
             f" t = {float(self.times[-1]):.6g}, {len(self.times) - 1} saves; {said}"
@@ -83,7 +135,7 @@ class History(eqx.Module):
 
 
 def dominant_wave(scene: Scene, field: np.ndarray) -> np.ndarray | None:
-    """Wave vector (dim,) [1/length] of the largest Fourier component of a field on a full lattice, else None."""
+    """Wave vector (dim,) [1/length] of the largest Fourier component of a field, or None if the body is no lattice."""
     shape, h = scene.body.shape, scene.body.spacing
     if shape is None or h is None or int(np.prod(shape)) != len(scene.body):
         return None
@@ -95,17 +147,18 @@ def dominant_wave(scene: Scene, field: np.ndarray) -> np.ndarray | None:
 
 
 def alarmed(first: Energies, last: Energies, swing: float, given: float) -> bool:
-    """Whether a save holds energy that nothing gave: more than GROWTH × `given`, all that start, supports, loads could.
+    """True if a save holds more energy than GROWTH × `given`: what the start, the supports and the loads could supply.
 
-    The kinetic energy alone is compared, and the total less its `swing` since the start (see `verlet.borrowed`): both
-    stay within `given` for every stable step of a linear motion, and one of them grows with a step that is not.
+    Two energies are compared with that limit: the kinetic energy, and the change of the total energy since the start
+    minus its `swing` (see `verlet.borrowed`). In a linear motion with a stable step both stay below `given`. With an
+    unstable step one of them grows.
     """
     start, now = (Energies(*map(float, x)) for x in (first, last))
     return bool(now.kinetic > GROWTH * given or abs(now.total - start.total - swing) > GROWTH * given)
 
 
 def failure(motion: Any, state: Any, saved: Any, dt: float, critical: tuple[float, float]) -> Failure:
-    """Describe a run that ended early: when by its last finite state, where by the last save in order.
+    """Describe a run that ended early: the time of its last finite state, and the place by its last valid save.
 
     critical: the critical steps at the start and at that save, NaN where unknown.
     """
@@ -118,25 +171,25 @@ def failure(motion: Any, state: Any, saved: Any, dt: float, critical: tuple[floa
     wave = dominant_wave(motion.scene, mode)
     time = int(state.step) * dt
     where = ", ".join(f"{x:.4g}" for x in position)
-    why = f"at t = {time:.6g} (step {int(state.step)}), fastest at point {point} ({where})"
+    why = f"at t = {time:.6g} (step {int(state.step)}), largest velocity at point {point} ({where})"
     if wave is not None:
-        why += f", along the wave ({', '.join(f'{x:.4g}' for x in wave * motion.scene.body.spacing / np.pi)}) π/h"
+        why += f", wave vector ({', '.join(f'{x:.4g}' for x in wave * motion.scene.body.spacing / np.pi)}) π/h"
     least = float(np.fmin(*critical))
     if np.isfinite(least):
         why += f"; dt {dt:.4g} is {'above' if dt > least else 'below'} the critical step"
         why += f" ({critical[0]:.4g} at the start, {critical[1]:.4g} at the last save)"
         if dt <= least:
-            why += ": the motion, not the step, is what grew"
+            why += ": the step is small enough, and the motion itself grows"
     return Failure(time, int(state.step), point, position, mode, wave, least, why)
 
 
 def stacked(records: list[Any]) -> Any:
-    """Records of single saves → one record of arrays (saves, …)."""
+    """Combine the records of single saves into one record of arrays (saves, …)."""
     import jax
 
     return jax.tree.map(lambda *x: np.stack([np.asarray(y) for y in x]), *records)
 
 
 def as_arrays(energies: Energies) -> Energies:
-    """The budget as JAX arrays."""
+    """The energy budget as JAX arrays."""
     return on_device(energies)

@@ -1,8 +1,11 @@
-"""`simulate`: one door to velocity Verlet. Watched on the host; under jit, vmap and grad the same steps, unwatched.
+"""`simulate`: runs of velocity Verlet, monitored on the host, or traced under jit, vmap and grad.
 
-The run goes from save to save, `save_every` steps in one compiled scan; at a save the budget of energy is drawn up, the
-observers read, the checkpoint written. What is not finite, and energy that nothing gave, end it with the time, the
-place and the mode.
+A save is a state that the run stores. A monitored run goes from save to save, with `save_every` steps in one compiled
+program. At every save it computes the energy budget, evaluates the observers and writes the checkpoint. The run ends
+early if a value is not finite, or if the energy exceeds what the start, the supports and the loads supplied. The result
+then names the time, the place and the mode of the failure.
+
+Under a transformation of JAX the same steps run without monitoring and without checkpoints.
 """
 
 import math
@@ -27,12 +30,12 @@ from .system import Motion, check_schedule
 from .time_step import SAFETY, critical_time_step
 from .verlet import Energies, State, advance, before_start, borrowed, energies, initial_state, march
 
-SAVES = 100  # about as many, where save_every is not given
-NOISE = 1e6  # steps in which rounding forces of one sign add up: longer runs than that have other worries
+SAVES = 100  # approximate number of saves if save_every is not given
+NOISE = 1e6  # number of steps over which rounding forces of one sign are assumed to add up
 
 
 class Record(NamedTuple):
-    """What a save keeps."""
+    """What a run stores at one save."""
 
     t: Array
     fields: tuple[Array, ...]
@@ -51,8 +54,10 @@ def _record(motion: Motion, observers: dict[str, Any], state: State, dt, fields:
 
 
 def _rounding(motion: Motion, dt: float) -> float:
-    """Kinetic energy that rounding may lend to bonds that stretch as the start's do: where modes hold no energy it is
-    all there is."""
+    """Kinetic energy that rounding errors may supply, for bonds stretched as at the start.
+
+    In motions without any other energy, such as those of zero-energy modes, this is the only limit.
+    """
     scene, families = motion.scene, motion.scene.families
     u, neighbours = np.asarray(motion.start), np.asarray(families.neighbours)
     stretch = max((float(np.abs(u[ends] - u).max()) for ends in neighbours.T), default=0.0)
@@ -63,14 +68,14 @@ def _rounding(motion: Motion, dt: float) -> float:
 
 @eqx.filter_jit
 def _go_on(motion: Motion, observers: dict[str, Any], state: State, dt, steps, fields: bool):
-    """All of a watched run: the steps to the next save, and the first state, which costs one step of no length."""
+    """The only program of a monitored run: the steps to the next save. From `before_start` it makes the first state."""
     state = march(motion, state, dt, steps)
     return state, _record(motion, observers, state, dt, fields)
 
 
 @eqx.filter_jit
 def _traced(motion: Motion, observers: dict[str, Any], dt, saves: int, every: int, fields: bool) -> History:
-    """The whole run in one scan."""
+    """The whole run in one scan, for a transformation of JAX."""
     state = initial_state(motion)
     first = _record(motion, observers, state, dt, fields)
 
@@ -83,7 +88,7 @@ def _traced(motion: Motion, observers: dict[str, Any], dt, saves: int, every: in
     all_of = jax.tree.map(lambda a, b: jnp.concatenate([a[None], b]), first, records)
 
     def alive(x: Array) -> Array:
-        """NaN from the save on at which a value was not finite: nobody watches, and a frozen state is no answer."""
+        """NaN from the first save on that is not finite: `step` repeats the last finite state, which is no result."""
         if not jnp.issubdtype(x.dtype, jnp.inexact):
             return x
         return jnp.where(all_of.finite.reshape(-1, *[1] * (x.ndim - 1)), x, jnp.nan)
@@ -95,10 +100,10 @@ def _traced(motion: Motion, observers: dict[str, Any], dt, saves: int, every: in
 
 
 def run_length(motion: Motion, duration) -> float:
-    """The duration asked for, or the motion's own, checked."""
+    """The given duration, or that of the motion, checked."""
     duration = motion.duration if duration is None else duration
     if duration is None:
-        raise ValueError("duration must be given: this motion has no natural one")
+        raise ValueError("duration must be given: this motion has no default duration")
     duration = float(duration)
     if not (math.isfinite(duration) and duration > 0):
         raise ValueError(f"duration must be finite and > 0; got {duration}")
@@ -106,13 +111,13 @@ def run_length(motion: Motion, duration) -> float:
 
 
 def time_step(motion: Motion, dt) -> float:
-    """The step asked for, or SAFETY of the critical one, checked."""
+    """The given time step, or SAFETY times the critical one, checked."""
     if dt is None:
         dt = SAFETY * critical_time_step(motion)
         if not math.isfinite(dt):
-            raise ValueError("nothing resists at the start, so no critical time step exists: give dt")
+            raise ValueError("the body has no stiffness at the start, so it has no critical time step: give dt")
     if not is_concrete(dt):
-        raise ValueError("dt decides how many steps there are, so it can't be traced; pass a plain number")
+        raise ValueError("dt determines the number of steps, so it cannot be traced; pass a plain number")
     dt = float(dt)
     if not (math.isfinite(dt) and dt > 0):
         raise ValueError(f"dt must be finite and > 0; got {dt}")
@@ -120,7 +125,7 @@ def time_step(motion: Motion, dt) -> float:
 
 
 def _plan(motion: Motion, duration, dt, save_every) -> tuple[float, int, int]:
-    """(dt, saves, save_every)."""
+    """Return (dt, saves, save_every)."""
     duration, own = run_length(motion, duration), dt is None
     dt = time_step(motion, dt)
     if own:
@@ -133,7 +138,10 @@ def _plan(motion: Motion, duration, dt, save_every) -> tuple[float, int, int]:
     save_every = int(save_every)
     saves = math.ceil(steps / save_every)
     if saves * save_every >= 2**31:
-        raise ValueError(f"a run has fewer than 2³¹ steps; duration {duration:g} at dt {dt:g} has {steps:.3g}")
+        raise ValueError(
+            f"a run must have fewer than 2³¹ steps; duration {duration:g} with dt {dt:g} has {steps:.3g}: take a larger"
+            " dt or a shorter duration"
+        )
     return (duration / (saves * save_every) if own else dt), saves, save_every
 
 
@@ -141,24 +149,26 @@ def _warn_above(motion: Motion, dt: float) -> None:
     critical = critical_time_step(motion)
     if dt > critical:
         warnings.warn(
-            f"dt = {dt:.6g} is above the critical time step {critical:.6g} of the start: the run will blow up",
+            f"dt = {dt:.6g} is above the critical time step {critical:.6g} at the start, so the run is probably"
+            " unstable; take a smaller dt",
             stacklevel=4,
         )
 
 
 def _warn_beyond(duration: float, dt: float, saves: int, every: int) -> None:
-    """A run ends at a save: one that is far beyond what was asked is said."""
+    """Warn if the run ends far beyond the duration, because a run ends at a save."""
     end = saves * every * dt
     if end > 1.1 * duration and every > 1:
         warnings.warn(
-            f"the run goes on to t = {end:.6g}, beyond the duration {duration:.6g}: it ends at a save, and save_every ="
-            f" {every} steps of {dt:.6g} take {every * dt:.6g}; a smaller save_every ends it nearer",
+            f"the run goes on to t = {end:.6g}, beyond the duration {duration:.6g}: a run ends at a save, and"
+            f" save_every = {every} steps of {dt:.6g} take {every * dt:.6g}; take a smaller save_every to end closer to"
+            " it",
             stacklevel=4,
         )
 
 
 class _Keeper:
-    """Writes checkpoints, every so many saves, and no more often than costs a twentieth of the run."""
+    """Writes a checkpoint every `every` saves, or less often, so that writing takes at most a twentieth of the run."""
 
     def __init__(self, path, every: int, name: str):
         self.path, self.every, self.name = path, every, name
@@ -182,7 +192,10 @@ def _watch(motion: Motion, observers, dt, saves, every, fields, path, checkpoint
         if path.exists() and not resume:
             old = path.with_name(path.name + ".old")
             os.replace(path, old)
-            warnings.warn(f"{path} was there: it is kept as {old}; to go on from it, resume=True", stacklevel=4)
+            warnings.warn(
+                f"the checkpoint {path} exists already and is kept as {old}; to continue from it, pass resume=True",
+                stacklevel=4,
+            )
         program = _go_on.lower(ready, observers, state, step, many, fields).as_text()  # type: ignore[attr-defined]
         name = checkpoints.fingerprint(program, dt, every, eqx.filter((motion, observers), eqx.is_array_like))
         if resume:
@@ -190,7 +203,8 @@ def _watch(motion: Motion, observers, dt, saves, every, fields, path, checkpoint
             records = records[: saves + 1]
     keep = _Keeper(path, checkpoint_every, name)
     stored = abs(float(first.energies.strain))
-    if not motion.scene.model.hyperelastic:  # no energy to ask: what the forces at the start could do on the way back
+    if not motion.scene.model.hyperelastic:
+        # The model has no energy. Take the work that the forces at the start would do on the way back to u = 0.
         stored = 0.5 * float(np.abs(np.asarray(state.force) * np.asarray(motion.start)).sum())
     floor = _rounding(motion, dt) + float(first.energies.kinetic) + stored
     given, code, saved = max(_given(r) for r in records), DONE, state
@@ -224,7 +238,7 @@ def _watch(motion: Motion, observers, dt, saves, every, fields, path, checkpoint
 
 
 def _given(record: Record) -> float:
-    """The energy that supports and loads had given, or could in a step, at one save."""
+    """The energy that supports and loads have supplied up to a save, plus what loads can supply in one step."""
     return abs(float(record.energies.supports)) + abs(float(record.energies.loads)) + float(record.borrowed[1])
 
 
@@ -253,28 +267,87 @@ def simulate(
     show_progress: bool = True,
     throw: bool = False,
 ) -> History:
-    """Run a motion by velocity Verlet.
+    """Run a motion with velocity Verlet.
 
-    Arguments: duration [time], the motion's own by default; dt [time], by default 0.8 of the critical step at the
-        start or a hundredth of the duration, shortened so that the run ends at duration (a dt of yours is taken as it
-        is, the run ends at the first save not before duration, and a checkpoint can be gone on from to a longer one);
-        save_every steps, by default such that there are about 100 saves; observers: name → function (scene, `Snapshot`)
-        → array, see `pdjax.observers`; fields: keep u and v of every save, or of the last alone; checkpoint: a file,
-        written every `checkpoint_every` saves, or less often where that would cost more than a twentieth of the run,
-        and when interrupted (one that is there already is kept as FILE.old); resume from it, bit for bit; throw: raise
-        where it ends early.
-    Returns: `History`. Under jit, vmap or grad: the same numbers, differentiable forward and backward (memory: 2
-        √save_every states a save), but unwatched and without checkpoint: NaN from the save on at which a value was
-        not finite; under jit and vmap dt must be given.
-    Raises: ValueError for bad arguments, a schedule that is not finite, a checkpoint of another run or version;
-        RuntimeError with the reason if `throw`. Warns where dt is above the critical step.
+    v½ = (1 − c Δt/2) v + (Δt/2) a,   u' = u + Δt v½,   v' = (v½ + (Δt/2) a')/(1 + c Δt/2)
+
+    Parameters
+    ----------
+    motion : Motion
+        The motion, from `motion` or from `pdjax.scenes`.
+    duration : float, optional
+        Duration [time] of the run. Default: `motion.duration`.
+    dt : float, optional
+        Time step Δt [time]. A given step is not changed, and the run ends at the first save at or after `duration`.
+        Default: 0.8 of the critical time step at the start, at most a hundredth of the duration, and shortened so that
+        the run ends exactly at `duration`.
+    save_every : int, optional
+        Number of steps between saves. Default: such that there are about 100 saves.
+    observers : dict of str to function, optional
+        Functions (scene, `Snapshot`) → array, evaluated at every save. See `pdjax.observers`.
+    fields : bool, optional
+        Keep u and v of every save. With False only those of the last save are kept. Default True.
+    checkpoint : path, optional
+        File from which the run can be continued. It is also written if the run is interrupted. An existing file is kept
+        as FILE.old.
+    checkpoint_every : int, optional
+        Number of saves between checkpoints. Writing is less frequent where it would take more than a twentieth of the
+        run. Default 1.
+    resume : bool, optional
+        Continue from `checkpoint`, bit for bit. Default False.
+    show_progress : bool, optional
+        Show a progress bar, if the error stream is a terminal. Default True.
+    throw : bool, optional
+        Raise RuntimeError if the run ends early. Default False.
+
+    Returns
+    -------
+    History
+        The saves, the energy budget, the observed values, and how the run ended.
+
+    Raises
+    ------
+    ValueError
+        If an argument is invalid, the schedule is not finite, or another run or version wrote the checkpoint.
+    OSError
+        If `checkpoint` cannot be written at the start, or if `resume` and there is no such file.
+    RuntimeError
+        If `throw` and the run ends early. The message contains the reason.
+
+    Warns
+    -----
+    UserWarning
+        If dt is above the critical time step at the start, if the run ends far beyond `duration`, if an existing
+        checkpoint is renamed, or if a checkpoint cannot be written.
+
+    Notes
+    -----
+    Under jit, vmap or grad the run gives the same numbers and is differentiable in forward and reverse mode. Reverse
+    mode keeps 2 √save_every states for each save. Such a run is not monitored and writes no checkpoint. Its results
+    are NaN from the first save on that is not finite. Under jit and vmap `dt` must be given.
+
+    To extend a run later from its checkpoint, give `dt` and `save_every`, because their defaults depend on `duration`.
+
+    References
+    ----------
+    Swope et al. 1982; Hairer, Lubich & Wanner 2003
+
+    Examples
+    --------
+    A standing wave on a chain of springs, after half a period T = 2π/ω with ω = 2 sin(k/2):
+
+    >>> motion = pd.scenes.wave(8, N=1, u0=1e-3, model=pd.BondBased(1.0))
+    >>> half = np.pi / (2 * np.sin(np.pi / 8))
+    >>> history = pd.simulate(motion, half, show_progress=False)
+    >>> bool(np.allclose(history.u[-1], -motion.start, atol=1e-6))
+    True
     """
     if not isinstance(motion, Motion):
         raise ValueError(f"motion must be a Motion (pdjax.motion or a moving scene); got {type(motion).__name__}")
     if isinstance(checkpoint_every, bool) or not isinstance(checkpoint_every, int | np.integer) or checkpoint_every < 1:
         raise ValueError(f"checkpoint_every must be a whole number of saves >= 1; got {checkpoint_every!r}")
     if resume and checkpoint is None:
-        raise ValueError("resume needs checkpoint: the file to go on from")
+        raise ValueError("resume needs checkpoint, the file from which the run continues")
     observers = {} if observers is None else observers
     check_observers(motion.scene, observers)
     watched = is_concrete(motion, observers) and not inside_jit()

@@ -1,10 +1,11 @@
-"""The initial value problem of a scene: what has mass, how the load factor runs in time, where it starts.
+"""The initial value problem of a scene: density, damping, the load factor as a function of time, initial fields.
 
     ρ (ü + c u̇) = f(u, λ(t)) + λ(t) b   on free components,      u = λ(t) û   on held ones
 
-ρ density, c damping [1/time] (mass-proportional), λ(t) the load factor: a schedule. Prescribed displacements, loads and
-the mean deformation of a periodic body all follow it, as in statics. Kinetic energy is that of the free components; a
-support carries the mass of what it holds.
+ρ is the density and c the damping [1/time], which is proportional to the mass. The load factor λ(t) is called the
+schedule. The prescribed displacements û, the body forces b and the mean deformation of a periodic body are all
+proportional to it, as in statics. The kinetic energy is that of the free components only. A support carries the mass of
+the components that it holds.
 """
 
 from collections.abc import Callable
@@ -23,14 +24,38 @@ from ..scene import Scene
 
 
 class Hold(eqx.Module):
-    """λ(t) = 1: the whole load from the start."""
+    """Schedule with the constant load factor λ(t) = 1: the full load acts from the start.
+
+    Examples
+    --------
+    >>> float(pd.Hold()(2.0))
+    1.0
+    """
 
     def __call__(self, t):
         return jnp.ones_like(t)
 
 
 class Ramp(eqx.Module):
-    """λ(t) = t/duration up to 1, then 1. duration > 0 [time]."""
+    """Schedule that raises the load factor linearly from 0 to 1.
+
+    λ(t) = t/duration for t < duration, then 1
+
+    Parameters
+    ----------
+    duration : float
+        Duration [time] of the ramp, > 0.
+
+    Raises
+    ------
+    ValueError
+        If `duration` is not finite and positive.
+
+    Examples
+    --------
+    >>> float(pd.Ramp(10.0)(2.5))
+    0.25
+    """
 
     duration: Float[Array, ""] = eqx.field(converter=as_real)
 
@@ -42,7 +67,25 @@ class Ramp(eqx.Module):
 
 
 class SmoothRamp(Ramp):
-    """λ = 3τ² − 2τ³, τ = t/duration up to 1: starts and ends without a jump of velocity."""
+    """Schedule that raises the load factor smoothly from 0 to 1, without a jump of velocity at either end.
+
+    λ(t) = 3τ² − 2τ³ with τ = t/duration for t < duration, then 1
+
+    Parameters
+    ----------
+    duration : float
+        Duration [time] of the ramp, > 0.
+
+    Raises
+    ------
+    ValueError
+        If `duration` is not finite and positive.
+
+    Examples
+    --------
+    >>> float(pd.SmoothRamp(10.0)(2.5))
+    0.15625
+    """
 
     def __call__(self, t):
         tau = jnp.where(t < self.duration, t / self.duration, 1.0)
@@ -63,7 +106,8 @@ def _smooth_ramp(schedule: Any, t: np.ndarray) -> tuple[Any, Any]:
     return tau**2 * (3 - 2 * tau), 6 * tau * (1 - tau) * rate
 
 
-# λ and dλ/dt of the schedules made here, in NumPy. By their exact types: a subclass may have another λ.
+# λ and dλ/dt of the schedules of this module, in NumPy. The keys are exact types, because a subclass may define
+# another λ.
 _IN_NUMPY: dict[Any, Callable] = {Hold: _hold, Ramp: _ramp, SmoothRamp: _smooth_ramp}
 
 
@@ -80,7 +124,7 @@ def _values_and_rates(schedule: Callable[[Any], Any], times: Array) -> tuple[Arr
 
 
 def _factors(schedule: Callable[[Any], Any], times: np.ndarray) -> tuple[Any, Any]:
-    """λ and dλ/dt at every time: in NumPy where the schedule is known and made here, else by one program."""
+    """λ and dλ/dt at every time: in NumPy for concrete schedules of this module, else by one compiled program."""
     known = _IN_NUMPY.get(type(schedule))
     if known is None or not is_concrete(schedule):
         return on_host(_values_and_rates(schedule, on_device(times)))
@@ -89,10 +133,30 @@ def _factors(schedule: Callable[[Any], Any], times: np.ndarray) -> tuple[Any, An
 
 
 class Motion(eqx.Module):
-    """A scene with mass and a clock. Made by `motion` or by the moving scenes of `pdjax.scenes`.
+    """Initial value problem of a scene. Made by `motion`, or by `wave` and `cuboid` of `pdjax.scenes`.
 
-    density () or (points,) [mass/length^dim]; damping () [1/time]; schedule t → λ; start, velocity (points, dim) at t =
-    0; duration [time]: how long the scene wants to run, or None.
+    Attributes
+    ----------
+    scene : Scene
+        The body, its model and its conditions.
+    density : array, shape () or (points,)
+        Density ρ [mass/length^dim].
+    damping : array, shape ()
+        Damping c [1/time].
+    schedule : function
+        Load factor λ [-] as a function of the time.
+    start : array, shape (points, dim)
+        Displacements [length] at t = 0.
+    velocity : array, shape (points, dim)
+        Velocities [length/time] at t = 0.
+    duration : float or None
+        Default duration [time] of a run, or None.
+
+    Examples
+    --------
+    >>> motion = pd.scenes.cuboid(9, N=2, strain=0.05, rate=0.01)
+    >>> motion.duration, motion.start.shape
+    (5.0, (9, 1))
     """
 
     scene: Scene
@@ -105,7 +169,7 @@ class Motion(eqx.Module):
 
     @property
     def free(self) -> Bool[Array, "points dim"]:
-        """Which components move freely (traced)."""
+        """Which components are free, as a JAX array."""
         if is_concrete(self.scene.unknowns):
             return on_device(self.scene.free)
         shape = self.scene.prescribed.shape
@@ -114,15 +178,32 @@ class Motion(eqx.Module):
 
     @property
     def mass(self) -> Float[Array, "points 1"]:
-        """ρ_i V_i [mass]."""
+        """Masses ρ_i V_i [mass] of the points."""
         return (self.density * self.scene.families.volumes)[:, None]
 
     def prepared(self) -> "Motion":
-        """The same motion with its force prepared for many evaluations."""
+        """Return the same motion with its force prepared for many evaluations.
+
+        Returns
+        -------
+        Motion
+            The motion, whose scene holds the part of the force that does not depend on u.
+        """
         return eqx.tree_at(lambda m: m.scene, self, self.scene.prepared())
 
     def factor(self, t) -> tuple[Array, Array]:
-        """λ and dλ/dt at t."""
+        """Compute the load factor and its rate at a time.
+
+        Parameters
+        ----------
+        t : float or array, shape ()
+            Time [time].
+
+        Returns
+        -------
+        tuple of two arrays, shape () each
+            λ [-] and dλ/dt [1/time].
+        """
         if not is_concrete(self.schedule, t):
             return _value_and_rate(self.schedule, jnp.asarray(t, self.start.dtype))
         t = np.asarray(t, self.start.dtype)
@@ -131,7 +212,20 @@ class Motion(eqx.Module):
         return _in_one_program(self.schedule, on_device(t))
 
     def force(self, u: Float[Array, "points dim"], factor) -> Float[Array, "points dim"]:
-        """V (f + λ b) [force] on every point."""
+        """Compute the unbalanced force V (f + λ b) on every point.
+
+        Parameters
+        ----------
+        u : array, shape (points, dim)
+            Displacements [length].
+        factor : float or array, shape ()
+            Load factor λ [-].
+
+        Returns
+        -------
+        array, shape (points, dim)
+            V (f + λ b) [force]. On held components it is minus the reaction.
+        """
         return self.scene.unbalanced(u, factor)
 
 
@@ -157,13 +251,48 @@ def motion(
     velocity=None,
     duration: float | None = None,
 ) -> Motion:
-    """The initial value problem of a scene.
+    """Make the initial value problem of a scene.
 
-    Arguments: density ρ > 0, one number or (points,) [mass/length^dim]; damping c ≥ 0 [1/time]; schedule t [time] → λ
-        [-], `Hold()` by default, or `Ramp`, `SmoothRamp`, any JAX function; start, velocity (points, dim) [length],
-        [length/time], zero by default: on held components the schedule's values take their place; duration [time] the
-        run wants, if it has a natural one.
-    Raises: ValueError for a density or damping that can't be, a schedule not finite at t = 0, fields of a wrong shape.
+    ρ (ü + c u̇) = f(u, λ(t)) + λ(t) b   on free components,      u = λ(t) û   on held ones
+
+    Parameters
+    ----------
+    scene : Scene
+        The body, its model and its conditions. Use `scene(..., moving=True)` for a body that nothing holds.
+    density : float or array, shape (points,), optional
+        Density ρ > 0 [mass/length^dim]. Default 1.
+    damping : float, optional
+        Damping c ≥ 0 [1/time], proportional to the mass. Default 0.
+    schedule : function, optional
+        Load factor λ [-] as a function of the time: `Hold()` (the default), `Ramp`, `SmoothRamp` or any JAX function.
+    start : array, shape (points, dim), optional
+        Displacements [length] at t = 0. Default zero. On held components the schedule replaces them.
+    velocity : array, shape (points, dim), optional
+        Velocities [length/time] at t = 0. Default zero. On held components the schedule replaces them.
+    duration : float, optional
+        Default duration [time] of a run.
+
+    Returns
+    -------
+    Motion
+        The problem, for `simulate`, `simulate_diffrax` and `critical_time_step`.
+
+    Raises
+    ------
+    ValueError
+        If the density is not positive, the damping is negative, the schedule is not one finite number at t = 0, or a
+        field has the wrong shape.
+
+    Examples
+    --------
+    A bar whose right end is moved by 0.1 within 5 units of time:
+
+    >>> body = pd.bar(5, 5.0)
+    >>> held, pulled = pd.prescribe([0], 0.0), pd.prescribe([4], 0.1)
+    >>> scene = pd.scene(body, pd.families(body, 1.0), pd.BondBased(1.0), held, pulled)
+    >>> motion = pd.motion(scene, density=2.0, schedule=pd.Ramp(5.0))
+    >>> round(float(motion.velocity[4, 0]), 6)
+    0.02
     """
     if not isinstance(scene, Scene):
         raise ValueError(f"scene must be a Scene (pdjax.scene or pdjax.scenes); got {type(scene).__name__}")
@@ -191,7 +320,10 @@ def motion(
 
 
 def check_schedule(motion: Motion, times: Float[Array | np.ndarray, " times"]) -> None:
-    """Refuse a schedule that is not one finite number at the times given; under a transformation it can't look."""
+    """Raise ValueError if the schedule is not one finite number at every given time.
+
+    Under a transformation of JAX only the shape is checked.
+    """
     if not callable(motion.schedule):
         raise ValueError(f"schedule must be a function of time such as pdjax.Ramp(10.0); got {motion.schedule!r}")
     shape = jax.eval_shape(lambda: motion.factor(0.0))[0].shape

@@ -1,9 +1,11 @@
-"""The same motions for diffrax: its terms, and a run that answers with the same `History`.
+"""Motions for the solvers of diffrax: the terms of the differential equation, and a run that returns a `History`.
 
-    y = (q, w):   q' = w,   w' = S (f + λ b)/ρ − c w        q, w (unknowns,): free displacements, velocities
+    y = (q, w):   q' = w,   w' = S (f + λ b)/ρ − c w
 
-`diffrax_terms` is an `ODETerm` for explicit and implicit Runge–Kutta methods; `symplectic_terms` the pair of terms that
-`diffrax.SemiImplicitEuler` takes (undamped). Held components follow the schedule inside the force.
+q and w (unknowns,) are the displacements and velocities of the free components, and S selects these components.
+`diffrax_terms` makes one `ODETerm` for explicit and implicit Runge–Kutta methods. `symplectic_terms` makes the pair of
+terms for `diffrax.SemiImplicitEuler`, for undamped motions. Held components follow the schedule inside the force.
+
 Source: Kidger 2021 (diffrax).
 """
 
@@ -25,7 +27,8 @@ from .run import SAVES, run_length, time_step
 from .system import Hold, Motion, check_schedule
 from .verlet import Energies, State, energies
 
-UNKNOWN = 1e-3  # of the horizon: the size of displacements that only a load will bring about
+# Assumed size of the displacements over the horizon, where the start, the velocities and the supports give none.
+UNKNOWN = 1e-3
 ROOT = 1e-9  # relative tolerance of the stages of an implicit method with fixed steps
 
 
@@ -38,13 +41,34 @@ def _acceleration(motion: Motion, t, q: Array) -> Array:
 
 @public_function
 def diffrax_start(motion: Motion) -> tuple[Array, Array]:
-    """y at t = 0: (free displacements [length], free velocities [length/time]), (unknowns,) each."""
+    """Return the initial values of a motion for diffrax.
+
+    Parameters
+    ----------
+    motion : Motion
+        The motion, from `motion` or from `pdjax.scenes`.
+
+    Returns
+    -------
+    tuple of two arrays, shape (unknowns,) each
+        Displacements [length] and velocities [length/time] of the free components at t = 0.
+
+    Examples
+    --------
+    A bar of 3 points, one of which is held, has 2 free components:
+
+    >>> body = pd.bar(3, 3.0)
+    >>> scene = pd.scene(body, pd.families(body, 1.0), pd.BondBased(1.0), pd.prescribe([0], 0.0))
+    >>> q, w = pd.diffrax_start(pd.motion(scene, start=[[0.0], [0.1], [0.2]]))
+    >>> print(q, w)
+    [0.1 0.2] [0. 0.]
+    """
     keep = motion.scene.unknowns
     return motion.start.reshape(-1)[keep], motion.velocity.reshape(-1)[keep]
 
 
 class _Field(eqx.Module):
-    """y' = (w, a(q) − c w). Modules, not closures: a new motion of the same shape compiles nothing anew."""
+    """y' = (w, a(q) − c w). It is a Module and no closure, so a new motion of the same shape compiles nothing."""
 
     motion: Motion
 
@@ -71,18 +95,76 @@ class _Kick(eqx.Module):
 
 @public_function
 def diffrax_terms(motion: Motion) -> diffrax.ODETerm:
-    """y' of the module's head as one term; `args` is not used."""
+    """Make the term of a motion for the Runge–Kutta methods of diffrax.
+
+    y = (q, w):   q' = w,   w' = S (f + λ b)/ρ − c w
+
+    Parameters
+    ----------
+    motion : Motion
+        The motion, from `motion` or from `pdjax.scenes`.
+
+    Returns
+    -------
+    diffrax.ODETerm
+        Term of y' for `diffrax.diffeqsolve`. It ignores the argument `args`.
+
+    References
+    ----------
+    Kidger 2021 (diffrax)
+
+    Examples
+    --------
+    A mass of 1 on a spring of stiffness 1, displaced by 0.001, has q' = 0 and w' = −0.001 at the start:
+
+    >>> body = pd.bar(2, 2.0)
+    >>> scene = pd.scene(body, pd.families(body, 1.0), pd.BondBased(1.0), pd.prescribe([0], 0.0))
+    >>> motion = pd.motion(scene, start=[[0.0], [0.001]])
+    >>> rate = pd.diffrax_terms(motion).vf(0.0, pd.diffrax_start(motion), None)
+    >>> [round(float(x[0]), 6) + 0.0 for x in rate]
+    [0.0, -0.001]
+    """
     return diffrax.ODETerm(_Field(motion.prepared()))
 
 
 @public_function
 def symplectic_terms(motion: Motion) -> tuple[diffrax.ODETerm, diffrax.ODETerm]:
-    """(q' = w, w' = a(q)) for `diffrax.SemiImplicitEuler`.
+    """Make the pair of terms of an undamped motion for `diffrax.SemiImplicitEuler`.
 
-    Raises: ValueError for a damped motion: it is not Hamiltonian.
+    q' = w,   w' = a(q) = S (f + λ b)/ρ
+
+    Parameters
+    ----------
+    motion : Motion
+        An undamped motion.
+
+    Returns
+    -------
+    tuple of two diffrax.ODETerm
+        The terms of q' and of w'.
+
+    Raises
+    ------
+    ValueError
+        If the motion is damped, because it is then not Hamiltonian.
+
+    References
+    ----------
+    Kidger 2021 (diffrax)
+
+    Examples
+    --------
+    >>> body = pd.bar(2, 2.0)
+    >>> scene = pd.scene(body, pd.families(body, 1.0), pd.BondBased(1.0), pd.prescribe([0], 0.0))
+    >>> drift, kick = pd.symplectic_terms(pd.motion(scene))
+    >>> round(float(kick.vf(0.0, jnp.array([0.001]), None)[0]), 6)
+    -0.001
     """
     if is_concrete(motion.damping) and motion.damping != 0:
-        raise ValueError(f"symplectic terms are for undamped motions; this one has damping {motion.damping}")
+        raise ValueError(
+            f"symplectic_terms needs an undamped motion; this one has damping {motion.damping}: use diffrax_terms, or"
+            " another solver than SemiImplicitEuler"
+        )
     return diffrax.ODETerm(_Drift()), diffrax.ODETerm(_Kick(motion.prepared()))
 
 
@@ -106,7 +188,7 @@ def _run(motion, terms, solver, controller, dt, times, most, adjoint):
 
 @eqx.filter_jit
 def _describe(motion: Motion, times, q: Array, w: Array, observers: dict[str, Any]):
-    """Fields, energies and observations of every save; the works are not integrated: NaN unless nothing works."""
+    """Fields, energies and observed values of every save. The works are not integrated here and stay 0."""
     scene = motion.scene
 
     def one(t, q, w):
@@ -137,16 +219,60 @@ def simulate_diffrax(
     adjoint: diffrax.AbstractAdjoint | None = None,
     throw: bool = False,
 ) -> History:
-    """Run a motion by a diffrax solver.
+    """Run a motion with a solver of diffrax.
 
-    Arguments: duration [time], the motion's own by default; solver `diffrax.Tsit5()` by default, explicit, implicit or
-        `SemiImplicitEuler`; dt: the step, or the first one if rtol is given (0.8 of the critical step by default);
-        rtol, atol: adaptive steps by a PID controller (atol by default rtol times the largest displacement known
-        beforehand); saves: evenly spaced, interpolated by the solver; observers as in `simulate`; max_steps; adjoint:
-        diffrax's, `RecursiveCheckpointAdjoint` by default.
-    Returns: `History` whose energies hold kinetic and strain; works are NaN where supports, loads or damping act, for
-        no sum is kept between saves. `dt` is the mean step, `steps` those tried.
-    Raises: ValueError for bad arguments; RuntimeError with diffrax's reason if `throw`.
+    Parameters
+    ----------
+    motion : Motion
+        The motion, from `motion` or from `pdjax.scenes`.
+    duration : float, optional
+        Duration [time] of the run. Default: `motion.duration`.
+    solver : diffrax.AbstractSolver, optional
+        An explicit or implicit Runge–Kutta method or `diffrax.SemiImplicitEuler`. Default `diffrax.Tsit5()`.
+    dt : float, optional
+        Time step [time], or the first step if `rtol` is given. Default: 0.8 of the critical time step at the start.
+    rtol : float, optional
+        Relative tolerance [-]. If given, a PID controller adapts the steps to it.
+    atol : float, optional
+        Absolute tolerance [length] for `rtol`. Default: `rtol` times the largest displacement known beforehand.
+    saves : int, optional
+        Number of evenly spaced saves after the start. The solver interpolates them. Default 100.
+    observers : dict of str to function, optional
+        Functions (scene, `Snapshot`) → array, evaluated at every save. See `pdjax.observers`.
+    max_steps : int, optional
+        Largest number of steps. Default 1 000 000.
+    adjoint : diffrax.AbstractAdjoint, optional
+        How diffrax differentiates the run. Default `diffrax.RecursiveCheckpointAdjoint()`.
+    throw : bool, optional
+        Raise RuntimeError if the run ends early. Default False.
+
+    Returns
+    -------
+    History
+        The saves. `dt` is the mean step, and `steps` counts all steps that the solver tried. The works in `energies`
+        are NaN if supports, loads or damping act, because they are not summed between saves.
+
+    Raises
+    ------
+    ValueError
+        If an argument is invalid or the schedule is not finite.
+    RuntimeError
+        If `throw` and the run ends early. The message contains the reason that diffrax gives.
+
+    References
+    ----------
+    Kidger 2021 (diffrax)
+
+    Examples
+    --------
+    A mass of 1 on a spring of stiffness 1 moves as cos t, so it returns after the time 2π:
+
+    >>> body = pd.bar(2, 2.0)
+    >>> scene = pd.scene(body, pd.families(body, 1.0), pd.BondBased(1.0), pd.prescribe([0], 0.0))
+    >>> motion = pd.motion(scene, start=[[0.0], [0.001]])
+    >>> history = pd.simulate_diffrax(motion, 2 * np.pi, rtol=1e-6, saves=2)
+    >>> np.round(history.u[:, 1, 0], 6)
+    array([ 0.001, -0.001,  0.001])
     """
     duration = run_length(motion, duration)
     observers = {} if observers is None else observers
@@ -169,9 +295,10 @@ def simulate_diffrax(
     size = xp.where(size > 0, size, unknown)
     if rtol is not None:
         controller = diffrax.PIDController(rtol=rtol, atol=rtol * size if atol is None else atol)
-    elif isinstance(solver, diffrax.AbstractImplicitSolver):  # no controller to take the tolerances of its Newton from
+    elif isinstance(solver, diffrax.AbstractImplicitSolver):
+        # With fixed steps there is no controller from which the Newton iteration could take its tolerances. Chord
+        # replaces VeryChord, which reports divergence when the residual is at the level of rounding.
         root = max(ROOT, 100 * float(np.finfo(real).eps))
-        # VeryChord calls a residual at rounding diverged
         newton: Any = optx.Chord(rtol=root, atol=root * xp.maximum(size, unknown), norm=optx.max_norm)  # type: ignore[arg-type]
         if eqx.tree_equal(solver.root_finder, type(solver)().root_finder):  # type: ignore[attr-defined, call-arg]
             solver = eqx.tree_at(lambda s: s.root_finder, solver, newton)
@@ -201,7 +328,7 @@ def simulate_diffrax(
 
 
 def _unknown_works(motion: Motion, budget: Energies) -> Energies:
-    """Works stay 0 only where nothing can do any."""
+    """Set the works to NaN, unless no support, load or damping can do any work: then they stay 0."""
     scene = motion.scene
     if is_concrete(motion) and not (
         any(np.asarray(x).any() for x in (scene.prescribed, scene.load, motion.damping))
@@ -214,11 +341,11 @@ def _unknown_works(motion: Motion, budget: Energies) -> Energies:
 
 
 def _last_finite(motion: Motion, times, u, v, finite: np.ndarray, reason: str) -> Failure:
-    """Where the saves end."""
+    """Describe the last finite save."""
     last = max(0, int(np.argmin(finite)) - 1) if not finite.all() else len(finite) - 1
     field = np.asarray(v[last])
     size = max(float(np.linalg.norm(field)), np.finfo(float).tiny)
     point = int(np.argmax(np.linalg.norm(field, axis=1)))
     position = motion.scene.body.positions[point]
-    why = f"diffrax says: {reason or 'successful, but not finite'}; last finite save at t = {times[last]:.6g}"
+    why = f"diffrax reports: {reason or 'success, but a value is not finite'}; last finite save t = {times[last]:.6g}"
     return Failure(float(times[last]), last, point, position, field / size, None, float("nan"), why)

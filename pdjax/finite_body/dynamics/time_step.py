@@ -1,7 +1,8 @@
-"""The largest time step that explicit integration bears: Δt_cr = 2/ω_max.
+"""The largest stable time step of explicit integration: Δt_cr = 2/ω_max.
 
-ω_max² is the largest |eigenvalue| of (ρV)^{-½} A (ρV)^{-½} on the free components, by a few Lanczos steps on JVPs: no
-matrix is stored. Lanczos comes from below, so Δt_cr comes from above, within ACCURACY/2 of itself.
+ω_max² is the largest |eigenvalue| of (ρV)^{-½} A (ρV)^{-½}, where A is the Jacobian of the forces on the free
+components. A few Lanczos steps find it from Jacobian–vector products, so no matrix is stored. Lanczos approaches
+ω_max² from below, so the computed Δt_cr is too large, by a relative error of at most ACCURACY/2.
 """
 
 import numpy as np
@@ -13,18 +14,47 @@ from ..factorisation import as_operator, product
 from ..scene import frozen
 from .system import Motion
 
-ACCURACY = 1e-3  # of ω_max²
-SAFETY = 0.8  # of the critical step at the start, where none is given: bodies stiffen as they deform
+ACCURACY = 1e-3  # relative, of ω_max²
+SAFETY = 0.8  # default dt over the critical step at the start: a body may become stiffer as it deforms
 
 
 @public_function
 @in_double
 def critical_time_step(motion: Motion, u=None, t=0.0) -> float:
-    """Δt_cr = 2/ω_max [time] of velocity Verlet and central differences, linearised at u.
+    """Compute the critical time step of velocity Verlet.
 
-    Arguments: u (points, dim) [length], the start by default; t [time] the moment whose load factor counts. inf where
-    nothing resists.
-    Raises: ValueError under jit or vmap (it runs on the host), or where the forces at u are not finite.
+    Δt_cr = 2/ω_max, with ω_max the largest frequency of the motion linearised at u
+
+    Parameters
+    ----------
+    motion : Motion
+        The motion, from `motion` or from `pdjax.scenes`.
+    u : array, shape (points, dim), optional
+        Displacements [length] at which the motion is linearised. Default: the initial displacements.
+    t : float, optional
+        Time [time] that determines the load factor λ(t). Default 0.
+
+    Returns
+    -------
+    float
+        The critical time step [time], inf for a body without stiffness.
+
+    Raises
+    ------
+    ValueError
+        If it is called under jit or vmap, because it runs on the host, or if the forces at u are not finite.
+
+    Notes
+    -----
+    Central differences have the same critical time step. The relative error is at most 0.0005, from above.
+
+    Examples
+    --------
+    A chain of springs of stiffness 1 between neighbours of mass 1 has ω_max = 2:
+
+    >>> motion = pd.scenes.wave(8, N=1, model=pd.BondBased(1.0))
+    >>> round(pd.critical_time_step(motion), 6)
+    1.0
     """
     if not isinstance(motion, Motion):
         raise ValueError(
@@ -33,7 +63,10 @@ def critical_time_step(motion: Motion, u=None, t=0.0) -> float:
     motion = frozen(motion)
     scene, density = motion.scene, motion.density
     if not is_concrete(motion, u):
-        raise ValueError("the critical time step is found on the host: under jit or vmap give dt yourself")
+        raise ValueError(
+            "critical_time_step runs on the host and cannot be traced; under jit or vmap, compute it beforehand or give"
+            " dt yourself"
+        )
     u = motion.start if u is None else point_field(u, scene.families)
     factor = motion.factor(t)[0]
     keep = np.asarray(scene.unknowns)
@@ -48,7 +81,9 @@ def critical_time_step(motion: Motion, u=None, t=0.0) -> float:
         start = np.random.default_rng(0).normal(size=len(keep))
         moved = H @ start
         if not np.isfinite(moved).all():
-            raise ValueError("the forces at u are not finite: no time step can follow them")
+            raise ValueError(
+                "the forces at u are not finite, so there is no critical time step; look in u for bonds of zero length"
+            )
         if not moved.any():
             return float("inf")
         import scipy.sparse.linalg as sla

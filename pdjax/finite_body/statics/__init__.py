@@ -1,4 +1,4 @@
-"""Statics: equilibrium of a scene by several methods, equilibrium paths, and derivatives of what was found."""
+"""Statics: equilibria of a scene by several methods, equilibrium paths, and derivatives of an equilibrium."""
 
 from .arc_length import EquilibriumPath, equilibrium_path
 from .result import Equilibrium

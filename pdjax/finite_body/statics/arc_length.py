@@ -2,10 +2,16 @@
 
     r(q, λ) = 0,     θ² t_q·(q − q₀) + t_λ (λ − λ₀) = Δs
 
-One factor of A serves both right-hand sides of the bordered system, A a = −r and A b = −∂r/∂λ; the tangent keeps its
-direction by its product with the last one, so a limit point (dλ/ds changes sign) is passed like any other. θ scales
-displacements to the size they have under the first linear step. The same factor's inertia counts the positive
-eigenvalues: where the count changes at a smooth λ(s) a branch crosses. Source: Keller 1977.
+q are the free components of the displacement, λ is the load factor and r the residual. (q₀, λ₀) is the last state of
+the path, (t_q, t_λ) the unit tangent there, Δs the step along the path, and s the arc length. θ scales the
+displacements: the linear response to the full load has the length 1.
+
+Newton's method solves both equations together. One matrix factorisation of A = ∂r/∂q solves for both right-hand sides
+of the bordered system, A a = −r and A b = −∂r/∂λ. A new tangent points to the same side as the last one (their product
+is positive), so the path passes a limit point, where dλ/ds changes sign, like any other state.
+
+The inertia of the same matrix factorisation counts the positive eigenvalues of A. If that number changes where λ(s)
+has no limit point, another branch of equilibria crosses the path. Source: Keller 1977.
 """
 
 import equinox as eqx
@@ -19,13 +25,36 @@ from ..scene import Scene, frozen
 from ..spectrum import need_energy
 from .result import CONVERGED, OUT_OF_STEPS, REASONS, SINGULAR, STEP_TOO_SMALL
 
-NEWTON = 12
-EASY = 4
+NEWTON = 12  # most Newton iterations of a step
+EASY = 4  # iterations up to which the next step may be longer
 
 
 class EquilibriumPath(eqx.Module):
-    """load_factors (states,), u (states, points, dim) [length], positive (states,): eigenvalues of J above zero at
-    each state (−1: not counted); reason: why it stopped."""
+    """Result of `equilibrium_path`: the states of the path, starting at rest.
+
+    Attributes
+    ----------
+    load_factors : array, shape (states,)
+        Load factor λ [-] of every state.
+    u : array, shape (states, points, dim)
+        Displacements [length] of every state.
+    positive : int array, shape (states,)
+        Number of positive eigenvalues of the reduced Jacobian at every state; −1 where it was not counted.
+    reason : str
+        Why the path ended.
+
+    Examples
+    --------
+    Two points joined by one bond of the Hencky model. The load factor is 2 log(1 + e)/(1 + e) at the strain e, so its
+    maximum is 2/exp(1) = 0.7358:
+
+    >>> body = pd.bar(2, 2.0)
+    >>> families, model = pd.families(body, 1.0), pd.SethHill(0.0, pd.LinearElastic(1.0, 0.0))
+    >>> pair = pd.scene(body, families, model, pd.prescribe(0), pd.total_force([1], [1.0]))
+    >>> path = pd.equilibrium_path(pair, states=25)
+    >>> round(float(path.load_factors[path.limit_points[0]]), 4)
+    0.7358
+    """
 
     load_factors: Float[np.ndarray, " states"]
     u: Float[np.ndarray, "states points dim"]
@@ -34,7 +63,7 @@ class EquilibriumPath(eqx.Module):
 
     @property
     def limit_points(self) -> np.ndarray:
-        """Numbers of the states at which the load factor turns."""
+        """Indices of the states at which the load factor has a local maximum or minimum."""
         rise = np.sign(np.diff(self.load_factors))
         return np.flatnonzero(rise[1:] * rise[:-1] < 0) + 1
 
@@ -49,11 +78,47 @@ def equilibrium_path(
     stop_at: float = 1.0,
     tolerance: float = 1e-10,
 ) -> EquilibriumPath:
-    """Follow the equilibrium from rest (u = 0, λ = 0) through limit points.
+    """Follow the equilibrium of a scene from rest (u = 0, λ = 0) through limit points.
 
-    Arguments: states: how many to find at most; arc: first step, in units where the linear response to the full load is
-        1 long; largest_arc; stop_at: |λ| at which to end (np.inf: never); tolerance of the relative residual.
-    Returns: `EquilibriumPath`. Raises: ValueError for steps that are not positive or a model without an energy.
+    Parameters
+    ----------
+    scene : Scene
+        The boundary value problem.
+    states : int, optional
+        Largest number of states after the state at rest.
+    arc : float, optional
+        First step along the path [-]. The linear response to the full load has the length 1.
+    largest_arc : float, optional
+        Largest step along the path [-].
+    stop_at : float, optional
+        The path ends where |λ| reaches this value [-]; `np.inf` for no such end.
+    tolerance : float, optional
+        Largest relative residual of a state [-].
+
+    Returns
+    -------
+    EquilibriumPath
+        Load factors, displacements, numbers of positive eigenvalues, and why the path ended.
+
+    Raises
+    ------
+    ValueError
+        If a step or the number of states is not positive, or the model has no energy.
+
+    References
+    ----------
+    Keller 1977
+
+    Examples
+    --------
+    Two points joined by one bond of the Hencky model become unstable at the limit point:
+
+    >>> body = pd.bar(2, 2.0)
+    >>> families, model = pd.families(body, 1.0), pd.SethHill(0.0, pd.LinearElastic(1.0, 0.0))
+    >>> pair = pd.scene(body, families, model, pd.prescribe(0), pd.total_force([1], [1.0]))
+    >>> path = pd.equilibrium_path(pair, states=25)
+    >>> path.limit_points, path.positive[[19, 21]]
+    (array([20]), array([0, 1]))
     """
     if not (0 < arc <= largest_arc and states >= 1):
         raise ValueError(f"need 0 < arc <= largest_arc and states >= 1; got {arc}, {largest_arc}, {states}")
@@ -105,7 +170,7 @@ def equilibrium_path(
 
 
 def _correct(scene, q0, factor0, t_q, t_factor, arc, theta2, tolerance):
-    """Bordered Newton from the tangent predictor → (q, λ, iterations), or None."""
+    """Newton's method on the bordered system, from the tangent predictor: (q, λ, iterations), or None if it fails."""
     q, factor = (q0 + arc * t_q).astype(q0.dtype), factor0 + arc * t_factor
     for iteration in range(NEWTON):
         r, scale = map(np.asarray, residual_and_scale(scene, q, factor))

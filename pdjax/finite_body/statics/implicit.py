@@ -2,8 +2,11 @@
 
     r(q(θ), θ) = 0   ⇒   dq/dθ = −A⁻¹ ∂r/∂θ
 
-No iteration is differentiated: at the solution, linear solves with A (forward) or Aᵀ (reverse), by the same sparse
-factor, kept on the host. The rule is differentiated in its turn, so derivatives of every order are exact.
+q are the free components of the displacement, θ is any parameter of the scene, r the residual and A = ∂r/∂q.
+
+The iterations of the solver are not differentiated. At the solution, forward mode solves one linear system with A and
+reverse mode one with Aᵀ. Both use the same sparse matrix factorisation, which stays on the host. The rule itself is
+differentiable, so derivatives of every order are exact.
 """
 
 from typing import Any
@@ -19,7 +22,7 @@ from ..scene import Scene, frozen
 
 
 def attach(scene: Scene, q: np.ndarray, factor: float) -> Array:
-    """q with the derivatives it has as the solution of the (traced) scene; its value is unchanged."""
+    """q with its derivatives as the solution of the (traced) scene; the value of q does not change."""
     quiet, root = frozen(scene), jax.device_put(q)
     lu = Factor(matrix(quiet, quiet.displacement(q, factor), factor), scene.model.hyperelastic)
 
@@ -38,7 +41,7 @@ def attach(scene: Scene, q: np.ndarray, factor: float) -> Array:
     @solution.def_jvp
     def rate(primals, tangents):
         (scene,), (change,) = primals, tangents
-        at = solution(scene)  # differentiable in its turn, and so are second derivatives exact
+        at = solution(scene)  # This value is itself differentiable, which makes second derivatives exact.
         _, dr = eqx.filter_jvp(lambda s: residual(s, at, factor), (scene,), (change,))
         dq = jax.lax.custom_linear_solve(
             lambda v: product(scene, at, factor, v),
@@ -54,7 +57,7 @@ def attach(scene: Scene, q: np.ndarray, factor: float) -> Array:
 
 @jax.custom_jvp
 def without_derivative(u: Array, by: Array, bad: Array) -> Array:
-    """u, whose derivative by anything in `by` is NaN where `bad`: what did not converge has none."""
+    """u, with derivative NaN with respect to `by` if `bad`, because an unconverged solution has no derivative."""
     return u
 
 
@@ -66,6 +69,6 @@ def _(primals, tangents):
 
 
 def leaves_sum(scene: Scene) -> Array:
-    """A number that depends on every real leaf of the scene."""
+    """A number that depends on every floating-point array of the scene."""
     leaves = [x for x in jax.tree.leaves(scene) if eqx.is_inexact_array(x)]
     return sum((jnp.sum(x) for x in leaves), jnp.zeros(()))

@@ -1,11 +1,16 @@
 """Newton's method on the host: A δq = −r, sparse direct or matrix-free, with a backtracking line search.
 
-The step is shortened until ‖r‖ falls by Armijo's rule (1e-4). Any stationary point attracts it, a saddle as well as a
-minimum: the largest eigenvalue at the end says which. optimistix's searches can't be given a sparse factor of a
-matrix they don't see, so this loop is written out; the trust region is optimistix's (`pdjax.finite_body.statics.trust_region`).
+r is the residual of the scene and A = ∂r/∂q its reduced Jacobian. The line search halves the step until ‖r‖ falls by
+Armijo's rule (1e-4). The method converges to any stationary point of the potential energy, to a saddle as well as to a
+minimum. The largest eigenvalue at the end tells which of them was found.
 
-Matrix-free: A is symmetric and may be indefinite, so MINRES (SciPy) on JVPs; without an energy lineax's GMRES.
-GMRES restarted at 120 vectors took 49 s where MINRES takes 3.5 (singular bar of 800 points): conditioning grows as n².
+The loop is written out here because a line search of optimistix cannot use a sparse matrix factorisation of A. The
+trust-region method is that of optimistix (`pdjax.finite_body.statics.trust_region`).
+
+The matrix-free variant uses Jacobian-vector products. For a model with an energy A is symmetric and may be indefinite,
+so the linear solver is MINRES (SciPy). Without an energy it is GMRES (lineax). On the singular bar of 800 points GMRES
+restarted at 120 vectors took 49 s and MINRES 3.5 s, because the condition number grows as the square of the number of
+points.
 """
 
 from collections.abc import Callable
@@ -23,11 +28,11 @@ from .result import CONVERGED, NO_DECREASE, NOT_FINITE, OUT_OF_STEPS, SINGULAR
 
 HALVINGS = 25
 RESTART = 120  # Krylov vectors that GMRES keeps: 120 × unknowns numbers
-LINEAR_TOLERANCE = 1e-5  # inexact Newton: still up to a factor 10⁵ each iteration
+LINEAR_TOLERANCE = 1e-5  # inexact Newton: an iteration can still reduce the residual by a factor of 10⁵
 
 
 def direct(scene: Scene, q: np.ndarray, factor: float) -> Callable[[np.ndarray], np.ndarray]:
-    """b ↦ A⁻¹ b by a sparse factor of the exact A."""
+    """b ↦ A⁻¹ b by a sparse matrix factorisation of the exact A."""
     A = matrix(scene, scene.displacement(q, factor), factor)
     return Factor(A, symmetric=scene.model.hyperelastic).solve
 
@@ -41,7 +46,7 @@ def _gmres(scene: Scene, q, factor, b, tolerance) -> Array:
 
 
 def krylov(scene: Scene, q: np.ndarray, factor: float) -> Callable[[np.ndarray], np.ndarray]:
-    """b ↦ A⁻¹ b on JVPs alone: MINRES where A is symmetric, else GMRES."""
+    """b ↦ A⁻¹ b from Jacobian-vector products: MINRES if A is symmetric, otherwise GMRES."""
     ready = scene.prepared()
     apply = as_operator(lambda v: product(ready, q, factor, v), q.shape[0])
 
@@ -50,7 +55,7 @@ def krylov(scene: Scene, q: np.ndarray, factor: float) -> Callable[[np.ndarray],
         if scene.model.hyperelastic:
             import scipy.sparse.linalg as sla
 
-            # SciPy stops at ‖Ax − b‖ ≤ rtol ‖A‖ ‖x‖: rtol must outweigh a condition number of 10⁷
+            # SciPy stops at ‖Ax − b‖ ≤ rtol ‖A‖ ‖x‖, so rtol must be small enough for a condition number of 10⁷.
             x, _ = sla.minres(apply, b / size, rtol=1e-12, maxiter=20 * q.shape[0])
         else:
             load_factor, tolerance = (np.asarray(x, q.dtype) for x in (factor, LINEAR_TOLERANCE))
@@ -72,12 +77,15 @@ def newton(
     solver: Callable[[Scene, np.ndarray, float], Callable[[Any], Any]],
     history: list[float] | None = None,
 ) -> tuple[np.ndarray, int, list[float]]:
-    """Newton from q at a fixed load factor → (q, code, relative residuals), which are appended to `history`."""
+    """Newton's method from q at a fixed load factor. Returns (q, code, relative residuals of all iterations).
+
+    The residuals are appended to `history`.
+    """
     history = [] if history is None else history
 
     def measure(q):
         r, scale = map(np.asarray, residual_and_scale(scene, q, factor))
-        with np.errstate(all="ignore"):  # a residual that is not finite is what the caller looks for
+        with np.errstate(all="ignore"):  # The loop below tests whether the residual is finite.
             size = np.linalg.norm(r)
         return r, float(size), float(relative(size, scale))
 

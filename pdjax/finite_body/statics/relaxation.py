@@ -1,9 +1,15 @@
-"""Adaptive dynamic relaxation: a damped fictitious motion that settles in a minimum; what most peridynamics codes use.
+"""Adaptive dynamic relaxation: a damped fictitious motion that comes to rest at a minimum of the potential energy.
+
+Most peridynamics codes use this method.
 
     Λ v̇ + c Λ v = r(q),   Λ_i = ¼ Δt² Σ_j |A_ij| (Gershgorin, Δt = 1),   c = 2 √(qᵀ κ q / qᵀ q),  κ_i = −Δ(r_i/Λ_i)/Δq_i
 
-Central differences, c from the last step's secant stiffness. It follows the energy downhill, so a saddle repels it:
-where the smooth solution is a saddle it ends elsewhere. Sources: Underwood 1983; Kilic & Madenci 2010.
+q are the free components of the displacement, v their velocity, r the residual and A = ∂r/∂q. Λ is a diagonal matrix of
+fictitious masses from Gershgorin's bound. c is the damping, from the secant stiffness κ of the last step. Central
+differences integrate the motion in time.
+
+The motion decreases the energy, so it moves away from a saddle. If the smooth solution of a problem is a saddle, the
+method ends at another equilibrium. Sources: Underwood 1983; Kilic & Madenci 2010.
 """
 
 import equinox as eqx
@@ -16,14 +22,14 @@ from ..factorisation import matrix, relative, residual_and_scale, residual_of
 from ..scene import Scene
 from .result import CONVERGED, NOT_FINITE, OUT_OF_STEPS
 
-CHUNK = 200  # steps between two looks at the residual
-SAFETY = 1.1
-HEAVIER = 8  # times that the masses may be quadrupled
+CHUNK = 200  # steps between two evaluations of the relative residual
+SAFETY = 1.1  # factor on the masses of Gershgorin's bound
+HEAVIER = 8  # number of times that the masses may be quadrupled
 
 
 @eqx.filter_jit
 def _advance(scene: Scene, mass, factor, q, v, old) -> tuple[Array, Array, Array]:
-    """CHUNK steps of a prepared scene from (q, v, acceleration of the step before)."""
+    """CHUNK steps of a prepared scene from (q, v, acceleration of the previous step)."""
 
     def acceleration(q):
         return residual_of(scene, q, factor) / mass
@@ -48,7 +54,7 @@ def _gershgorin(scene: Scene, u, factor) -> np.ndarray:
 
 
 def _size(r: Array) -> float:
-    with np.errstate(all="ignore"):  # it may not be finite: that is what the caller looks for
+    with np.errstate(all="ignore"):  # The caller tests whether the size is finite.
         return float(np.linalg.norm(np.asarray(r)))
 
 
@@ -60,7 +66,7 @@ def relaxation(
     max_iterations: int,
     history: list[float] | None = None,
 ) -> tuple[np.ndarray, int, list[float]]:
-    """Relax from q at a fixed load factor → (q, code, relative residuals, one every CHUNK steps)."""
+    """Relaxation from q at a fixed load factor. Returns (q, code, relative residuals, one every CHUNK steps)."""
     mass = np.maximum(*(_gershgorin(scene, scene.displacement(q, where), where) for where in (0.0, float(factor))))
     mass = mass.astype(q.dtype)
     ready = scene.prepared()
@@ -75,7 +81,8 @@ def relaxation(
         after = _advance(ready, mass, factor_array, q, v, old)
         r, scale = residual_and_scale(scene, after[0], factor_array)
         size = _size(r)
-        if not size <= worst:  # the material stiffened beyond the bound: heavier masses, from where the chunk began
+        # The material became stiffer than Gershgorin's bound, so the chunk is repeated with larger masses.
+        if not size <= worst:
             if left == 0:
                 return q, NOT_FINITE, history
             mass, left, v, old = 4 * mass, left - 1, np.zeros_like(q), np.zeros_like(q)

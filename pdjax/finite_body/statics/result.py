@@ -1,7 +1,8 @@
-"""What a static solver says: the displacement it reached, how far and why it stopped, and what the equilibrium is.
+"""The result of a static solver: the displacement, the load it carries, why the solver stopped, and the stability.
 
-The residual is relative: ‖r‖ over the largest of the internal forces (reactions included), the applied ones and the
-root mean square over points of the forces of their bonds (`pdjax.finite_body.factorisation.residual_and_scale`).
+The relative residual is ‖r‖ divided by the largest of three forces: the internal forces (reactions included), the
+applied forces, and the root mean square over the points of the forces of their bonds
+(`pdjax.finite_body.factorisation.residual_and_scale`).
 """
 
 from typing import Any
@@ -14,7 +15,7 @@ from ..._internal.checks import is_concrete
 from ..spectrum import BodyStability
 
 CONVERGED, OUT_OF_STEPS, NO_DECREASE, SINGULAR, NOT_FINITE, STEP_TOO_SMALL, FLOWN = range(7)
-TORN = 1e3  # stretch of a bond beyond which the body is said to have come apart
+TORN = 1e3  # ratio of the length of a bond to its reference length beyond which the body counts as come apart
 REASONS = (
     "converged",
     "the iterations ran out",
@@ -22,17 +23,42 @@ REASONS = (
     "the Jacobian is singular",
     "the residual is not finite: a bond collapsed or the displacement diverged",
     "the load step fell below the smallest allowed",
-    "the body came apart: bonds longer than 1000 times their length, where forces fade",
+    "the body came apart: a bond is longer than 1000 times its reference length, where its force may vanish",
 )
 
 
 class Equilibrium(eqx.Module):
-    """The answer of `solve`.
+    """Result of `solve`: the displacement, whether it is an equilibrium, and whether that is stable.
 
-    u (points, dim) [length]; load_factor: how much of the load it carries (1: all); residuals: relative residual after
-    each iteration, of all load steps one after another, nan where unused; iterations; code: why it stopped (`reason`
-    in words); turned: bonds whose image points backwards, (ξ + η)·ξ ≤ 0 (matter passed through itself); stability: the
-    largest eigenvalue of J there, its mode and count (`BodyStability`), None if not asked for or if traced.
+    Attributes
+    ----------
+    u : array, shape (points, dim)
+        Displacements [length].
+    load_factor : array, shape ()
+        The load factor λ [-] that the body carries; 1 is the full load.
+    residuals : array, shape (iterations,)
+        Relative residual [-] after each iteration, for all load steps one after another; NaN where unused.
+    iterations : int
+        Number of iterations of all load steps.
+    code : int
+        Why the solver stopped; `reason` gives it in words.
+    turned : int
+        Number of bonds (directed) that point backwards, (ξ + η)·ξ ≤ 0, so that matter has passed through itself.
+    stability : BodyStability or None
+        Largest eigenvalue of the Jacobian at u, its mode and the number of positive eigenvalues. None if it was not
+        requested, the model has no energy, the forces are not finite, or `solve` was traced.
+    failed_step : str or None
+        The load step that failed.
+    method : str
+        The method of `solve`.
+
+    Examples
+    --------
+    >>> body = pd.bar(2, 2.0)
+    >>> families, model = pd.families(body, 1.0), pd.SethHill(1.0, pd.LinearElastic(1.0, 0.0))
+    >>> found = pd.solve(pd.scene(body, families, model, pd.prescribe(0), pd.total_force([1], [0.1])))
+    >>> found.converged, found.kind, round(float(found.u[1, 0]), 4)
+    (True, 'minimum', 0.0467)
     """
 
     u: Float[Array, "points dim"]
@@ -47,25 +73,25 @@ class Equilibrium(eqx.Module):
 
     @property
     def converged(self) -> bool | np.ndarray:
-        """Whether the full load is carried to the tolerance."""
+        """True if the body carries the full load with a relative residual below the tolerance."""
         good = np.asarray(self.code) == CONVERGED
         return bool(good) if good.ndim == 0 else good
 
     @property
     def residual(self):
-        """The last relative residual [-]."""
+        """The last finite relative residual [-]."""
         values = np.asarray(self.residuals)
         return float(values[np.isfinite(values)][-1]) if np.isfinite(values).any() else float("nan")
 
     @property
     def reason(self) -> str:
-        """Why it stopped, in words."""
+        """Why the solver stopped, in words."""
         words = REASONS[int(self.code)]
         return words if self.failed_step is None else f"{words} ({self.failed_step})"
 
     @property
     def kind(self) -> str | None:
-        """ "minimum", "saddle" or "degenerate"; None without stability."""
+        """Kind of equilibrium: "minimum", "saddle" or "degenerate"; None if `stability` is None."""
         return None if self.stability is None else self.stability.kind
 
     def __str__(self) -> str:
@@ -79,7 +105,7 @@ class Equilibrium(eqx.Module):
 
 
 def _bonds(families, u) -> tuple:
-    """ξ, ξ + η (points, bonds, dim) and which bonds are true; of concrete values on the host."""
+    """ξ and ξ + η (points, bonds, dim), and which bonds are no padding; NumPy arrays if the values are concrete."""
     xi, weight, neighbours = families.xi, families.weight, families.neighbours
     if is_concrete(families, u):
         xi, weight, neighbours, u = map(np.asarray, (xi, weight, neighbours, u))
@@ -87,14 +113,17 @@ def _bonds(families, u) -> tuple:
 
 
 def torn(families, u) -> Any:
-    """Whether a bond is longer than TORN times its reference length: forces that fade pass for equilibrium there."""
-    with np.errstate(all="ignore"):  # u may be no number at all
+    """Whether a bond is longer than TORN times its reference length.
+
+    The forces of some models vanish at such lengths, and then a zero residual does not mean equilibrium.
+    """
+    with np.errstate(all="ignore"):  # u may hold NaN or infinity
         xi, image, true = _bonds(families, u)
         return (((image**2).sum(axis=-1) > TORN**2 * (xi**2).sum(axis=-1)) & true).any()
 
 
 def turned_bonds(families, u) -> Any:
-    """How many bonds (directed) point backwards."""
+    """Number of bonds (directed) that point backwards."""
     with np.errstate(all="ignore"):
         xi, image, true = _bonds(families, u)
         return (((image * xi).sum(axis=-1) <= 0) & true).sum()

@@ -1,9 +1,12 @@
-"""`solve`: one door to the static methods, with load stepping, derivatives and the nature of what was found.
+"""`solve`: the equilibrium of a scene by one of the static methods, with load stepping, derivatives and stability.
 
-Load stepping raises the load factor from 0 to 1. A step that fails is taken back and halved, one that was easy makes
-the next one longer, and a step below the smallest stops with the last equilibrium reached. Before each step the
-tangent predictor moves the whole body, A δq = −(r + ∂r/∂λ δλ): without it a prescribed displacement tears the boundary
-layer from a body that has not moved yet.
+Load stepping raises the load factor λ from 0 to 1. A step that fails is undone and halved. After a step that takes few
+iterations the next step is longer. If the step becomes smaller than the smallest allowed, `solve` stops and returns the
+last equilibrium.
+
+The tangent predictor moves the whole body before each step by the solution of A δq = −(r + ∂r/∂λ δλ). Here r is the
+residual, A = ∂r/∂q and δλ the load step. Without the predictor a prescribed displacement moves only the held boundary
+layer, and the bonds between that layer and the unmoved body take the whole step.
 """
 
 import equinox as eqx
@@ -31,7 +34,8 @@ EASY = 6  # iterations up to which the next load step may grow
 
 def _attempt(scene: Scene, method: str, q: np.ndarray, factor: float, tolerance: float, most: int, shown: bool):
     if method == "trust_region":
-        target, left = (np.asarray(x, q.dtype) for x in (factor, tolerance))  # traced: a new one compiles nothing
+        # Both numbers become arrays, so that new values do not recompile the solver.
+        target, left = (np.asarray(x, q.dtype) for x in (factor, tolerance))
         q, code, history = map(np.asarray, trust_region(scene, q, target, left, most))
         return q, int(code), list(history[np.isfinite(history)])
     seen = Residuals(factor, shown)
@@ -44,7 +48,7 @@ def _attempt(scene: Scene, method: str, q: np.ndarray, factor: float, tolerance:
 
 
 def _predict(scene: Scene, method: str, q: np.ndarray, factor: float, step: float) -> np.ndarray:
-    """One linear step of the whole body with the load; q itself where A can't be inverted."""
+    """One linear step of the whole body with the load; q itself if A is singular."""
     linear = krylov if method == "newton_krylov" else direct
     try:
         r, _ = residual_and_scale(scene, q, factor)
@@ -55,7 +59,10 @@ def _predict(scene: Scene, method: str, q: np.ndarray, factor: float, step: floa
 
 
 def _climb(scene: Scene, method, q: np.ndarray, step, smallest_step, predictor, tolerance, most, shown) -> tuple:
-    """Load stepping from q at load factor 0 → (q, factor, code, history, iterations, the step that failed or None)."""
+    """Load stepping from q at load factor 0.
+
+    Returns (q, factor, code, history, iterations, the load step that failed or None).
+    """
     factor, history, iterations = 0.0, [], 0
     while True:
         size = min(step, 1.0 - factor)
@@ -75,7 +82,7 @@ def _climb(scene: Scene, method, q: np.ndarray, step, smallest_step, predictor, 
         elif size / 2 < smallest_step:
             failed = f"from load factor {factor:.6g} to {target:.6g}"
             if factor == 0.0 and size == 1.0:
-                q, factor = new, 1.0  # one step, not cut: what it reached is what is asked about
+                q, factor = new, 1.0  # The only step, to the full load, failed: return the state it reached.
             elif code not in (SINGULAR, NOT_FINITE, FLOWN):
                 code = STEP_TOO_SMALL
             return q, factor, code, history, iterations, failed
@@ -84,7 +91,10 @@ def _climb(scene: Scene, method, q: np.ndarray, step, smallest_step, predictor, 
 
 
 def _sound(scene: Scene, q: np.ndarray, factor: float) -> bool:
-    """Whether the forces are finite on every point, held ones too: the scale is of them all, and already compiled."""
+    """Whether the forces are finite on every point, held points included.
+
+    The scale of the residual contains all of these forces, and its program is already compiled.
+    """
     return bool(np.isfinite(np.asarray(residual_and_scale(scene, q, factor)[1])))
 
 
@@ -115,20 +125,60 @@ def solve(
     show_progress: bool = True,
     throw: bool = False,
 ) -> Equilibrium:
-    """Equilibrium of a scene at its full load.
+    """Solve a scene for its equilibrium at the full load.
 
-    Arguments: method "newton" (exact sparse Jacobian, line search), "newton_krylov" (matrix-free), "trust_region"
-        (optimistix dogleg, dense, runs under jit and vmap), "relaxation" (adaptive dynamic relaxation); start
-        (points, dim) [length], zero by default; step: first load step [-], 1 for all at once; smallest_step: where
-        halving ends; predictor "none" (the free points wait, as in the paper's experiment) or "tangent"; tolerance of
-        the relative residual (1e-10, in float32 1e-5); max_iterations a load step; stability: look at the spectrum at
-        the end; show_progress: on a terminal, how far the load has come; throw: raise where it does not converge.
-    Returns: `Equilibrium`. Its u has exact first and second derivatives, forward and reverse, in all that the
-        scene was made of; NaN where it did not converge.
-    Raises: ValueError for bad arguments; RuntimeError with the reason if `throw` and not converged.
+    Parameters
+    ----------
+    scene : Scene
+        The boundary value problem.
+    method : str, optional
+        "newton" (exact sparse Jacobian and line search), "newton_krylov" (matrix-free), "trust_region" (dogleg of
+        optimistix with a dense Jacobian; runs under jit and vmap) or "relaxation" (adaptive dynamic relaxation).
+    start : array, shape (points, dim), optional
+        Displacements [length] at which the iteration starts; only free components are used. The default is zero.
+    step : float, optional
+        First load step [-]; 1 applies the full load at once.
+    smallest_step : float, optional
+        Smallest load step [-]; a step that fails is halved until it would become smaller.
+    predictor : str, optional
+        "none" (the free points start each load step from the last state, as in the paper's experiment) or "tangent".
+    tolerance : float, optional
+        Largest relative residual [-]. The default is 1e-10, in float32 1e-5.
+    max_iterations : int, optional
+        Largest number of iterations of a load step. The default depends on the method.
+    stability : bool, optional
+        Compute the largest eigenvalue of the Jacobian at the end.
+    show_progress : bool, optional
+        Show the load factor and the residual on a terminal.
+    throw : bool, optional
+        Raise RuntimeError if the solver does not converge.
+
+    Returns
+    -------
+    Equilibrium
+        The displacement, why the solver stopped, and the stability. JAX differentiates `u` exactly (first and second
+        derivatives, forward and reverse) with respect to every array of the scene. These derivatives are NaN if the
+        solver did not converge.
+
+    Raises
+    ------
+    ValueError
+        If an argument is wrong, or a method other than "trust_region" is traced by jit or vmap.
+    RuntimeError
+        If `throw` is True and the solver did not converge; the message gives the reason.
+
+    Examples
+    --------
+    >>> body = pd.lattice((5, 4))
+    >>> families, model = pd.families(body, horizon=2.1), pd.SethHill(1.0, pd.LinearElastic(1.0, 1.0))
+    >>> left = body.positions[:, 0] < 1
+    >>> plate = pd.scene(body, families, model, pd.prescribe(left), pd.body_force(~left, [0.01, 0.0]))
+    >>> found = pd.solve(plate)
+    >>> found.kind, round(float(found.u[-1, 0]), 4)
+    ('minimum', 0.0279)
     """
     if tolerance is None and isinstance(scene, Scene):
-        tolerance = 1e-10 if scene.prescribed.dtype == jnp.float64 else 1e-5  # rounding leaves 1e-15 to 1e-11, 1e-7
+        tolerance = 1e-10 if scene.prescribed.dtype == jnp.float64 else 1e-5  # rounding: up to 1e-11, 1e-7
     _check(scene, method, tolerance, step, smallest_step, predictor)
     most = ITERATIONS[method] if max_iterations is None else max_iterations
     dtype = scene.prescribed.dtype
@@ -146,7 +196,7 @@ def solve(
         quiet, method, q, step, smallest_step, predictor, tolerance, most, show_progress
     )
     u = at = quiet.displacement(q, factor)
-    if not is_concrete(scene):  # quiet is, so what flows through it is a derivative
+    if not is_concrete(scene):  # `quiet` is concrete, so the scene is traced for a derivative
         u = _differentiable(scene, attach(scene, q, factor) if code == CONVERGED else q, factor, code != CONVERGED)
     look = stability and scene.model.hyperelastic and _sound(quiet, q, factor)
     result = Equilibrium(
@@ -171,15 +221,16 @@ def _place(scene: Scene, q: Array | np.ndarray, factor, bad) -> Array:
 
 
 def _differentiable(scene: Scene, q, factor: float, bad: bool) -> Array:
-    """u of a scene through which a derivative flows; a derivative is NaN where `bad`."""
+    """u of a scene that is traced for a derivative; the derivative is NaN if `bad`."""
     return _place(scene, q, np.asarray(factor, q.dtype), np.asarray(bad))
 
 
 def _traced(scene: Scene, quiet: Scene, start: Array | np.ndarray, tolerance, most: int) -> Equilibrium:
-    """One step at full load, wholly in JAX; its derivative is a dense implicit solve."""
+    """One load step to the full load, wholly in JAX. Its derivative comes from a dense implicit solve."""
     found, code, history = trust_region(quiet, start, 1.0, tolerance, most)
     q = jax.lax.stop_gradient(found)
-    for _ in range(2):  # Newton from the root: the implicit function theorem, exact to second order
+    # Two Newton steps at the root leave its value unchanged and make derivatives up to the second exact.
+    for _ in range(2):
         A = jax.jacfwd(lambda p: residual_of(scene, p, 1.0))(q)
         r = residual_of(scene, q, 1.0)
         q = q - jnp.linalg.solve(A, r - jax.lax.stop_gradient(r))

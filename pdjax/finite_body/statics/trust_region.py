@@ -1,6 +1,7 @@
-"""Powell's dogleg on ‖r‖² by optimistix, dense and wholly in JAX: it runs under `jit` and `vmap`.
+"""Powell's dogleg method on ‖r‖² from optimistix, with a dense Jacobian.
 
-For bodies of up to a few thousand unknowns; many small problems are batched with it.
+r is the residual of the scene. The method runs wholly in JAX, so `jit` and `vmap` can transform it, and many small
+problems can be solved in one batch. It is meant for bodies of up to a few thousand unknowns.
 """
 
 from typing import Any
@@ -24,7 +25,10 @@ LARGEST = 4000  # unknowns: a dense matrix of 128 MB
 def trust_region(
     scene: Scene, q: Array | np.ndarray, factor, tolerance, max_iterations: int
 ) -> tuple[Array, Array, Array]:
-    """Dogleg from q at a fixed load factor → (q, code, relative residuals (max_iterations + 1,), nan where unused)."""
+    """Dogleg method from q at a fixed load factor.
+
+    Returns (q, code, relative residuals (max_iterations + 1,)); residuals that were not used are NaN.
+    """
     if q.shape[0] > LARGEST:
         raise ValueError(
             f"method 'trust_region' is dense and takes at most {LARGEST} unknowns; this scene has {q.shape[0]}:"

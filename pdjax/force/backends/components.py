@@ -264,7 +264,15 @@ def _batched(eqn: Any, operands: list[Components]) -> list[Components]:
     given = {v: x for v, x in zip(eqn.invars, operands, strict=True) if not isinstance(v, core.Literal)}
     lengths = [np.shape(e) for x in given.values() for e in x.reshape(-1) if np.ndim(e)]
     points = max((n[0] for n in lengths), default=1)  # 1: an earlier result of constants alone
-    alone = core.jaxpr_as_fun(core.ClosedJaxpr(core.Jaxpr((), [*given], eqn.outvars, [eqn]), ()))
+
+    def alone(*values: Any) -> list:
+        known = dict(zip(given, values, strict=True))
+        read = [v.val if isinstance(v, core.Literal) else known[v] for v in eqn.invars]
+        bound = eqn.primitive.get_bind_params(eqn.params)  # a pair in versions of JAX before 0.10
+        functions, settings = bound if isinstance(bound, tuple) else ((), bound)
+        result = eqn.primitive.bind(*functions, *read, **settings)
+        return result if eqn.primitive.multiple_results else [result]
+
     arrays = [join(x, points).astype(v.aval.dtype) for v, x in given.items()]
     return [split(y) for y in jax.vmap(alone, -1, -1)(*arrays)]
 

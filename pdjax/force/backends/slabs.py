@@ -60,7 +60,7 @@ from jaxtyping import Array, Float
 from ..._internal.checks import as_real, is_concrete, require
 from ..._internal.public import public_function
 from ...geometry.bonds import Families
-from ...models.base import AbstractModel, PointStateModel
+from ...models.base import AbstractModel
 from ...models.pointwise import split_model
 from ..fields import check_model
 from .streaming import reference_sums, streamed_force
@@ -244,7 +244,7 @@ def _prepared(operator: SlabForce, varying: Any) -> SlabForce:
 
 
 def _refuse(model: AbstractModel, families: Families) -> None:
-    if not (isinstance(model, PointStateModel) and model.by_moments):
+    if not model.by_moments:
         raise ValueError(
             f"slabs need a model made of sums over single bonds (`moments`); {type(model).__name__} is none:"
             " evaluate it on one device, by pd.force_operator"

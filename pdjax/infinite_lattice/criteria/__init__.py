@@ -1,8 +1,10 @@
-"""Stability criteria, from cheap to decisive, behind one function.
+"""Stability criteria of the infinite lattice, from cheap to decisive.
 
-Each criterion is a function (model, family, F) → `Outcome`; a new one is a small function and a line in `CRITERIA`.
-Criteria that search a Brillouin zone take it as a fourth argument. Source of the ladder: Silling 2017 (material),
-Behzadinasab & Foster (diagonal, continuum), Born & Huang 1954 (symbol).
+`stability` evaluates any of them and explains them in its docstring. Each criterion is a function (model, family, F) →
+`Outcome`. To add one, write such a function and add a line to `CRITERIA`. The criterion "symbol", which searches the
+Brillouin zone, takes the zone as a fourth argument.
+
+Sources: Silling 2017 (material), Behzadinasab & Foster (diagonal, continuum), Born & Huang 1954 (symbol).
 """
 
 from typing import Any
@@ -47,15 +49,18 @@ def evaluate(
     at=None,
     fastest=False,
 ) -> Outcome:
-    """The named criterion, unjitted and unchecked: what drivers trace. `at`: an earlier `Outcome.at`, to skip the
-    search; `fastest`: "symbol" also looks for the largest eigenvalue itself."""
+    """The named criterion without checks and without `jit`, for the functions that trace it.
+
+    If `at` is the field `at` of an earlier `Outcome`, the search is skipped. If `fastest` is True, "symbol" also finds
+    the wave of the largest eigenvalue.
+    """
     if criterion == "symbol":
         return symbol(model, family, F, zone, at, fastest)
     return CRITERIA[criterion](model, family, F, at)  # type: ignore[operator]
 
 
 def family_zone(family: LatticeFamily, symmetry: str, resolution: int | None) -> Zone:
-    """The Brillouin zone of a family; `resolution` None: the default for its reach."""
+    """The Brillouin zone of a family. If `resolution` is None, the horizon of the family sets it."""
     if resolution is None:
         resolution = default_intervals(family.reach)
     if not (isinstance(resolution, int) and resolution >= 2):
@@ -64,7 +69,7 @@ def family_zone(family: LatticeFamily, symmetry: str, resolution: int | None) ->
 
 
 def kept_symmetry(F, family: LatticeFamily, isotropic: bool) -> str:
-    """The symmetry of the deformed lattice, as far as a concrete F shows it."""
+    """The symmetry of the deformed lattice, which is "inversion" if F is traced."""
     if not (family.cubic and isotropic and is_concrete(F)):
         return "inversion"
     F = np.asarray(F)
@@ -84,7 +89,7 @@ def _stability(model, family, F, criterion: str, intervals: int, symmetry: str) 
 
 @eqx.filter_jit
 def _with_derivative(model, family, F, criterion: str, intervals: int, symmetry: str, found: Outcome) -> Outcome:
-    """What was `found`, with the derivatives that it has where the search ended."""
+    """The criterion at the wave vector and mode of `found`, so that its derivatives flow."""
     zone = brillouin_zone(family.dim, intervals, symmetry)
     return evaluate(criterion, model, family, F, zone, found.at, fastest=True)
 
@@ -93,13 +98,87 @@ def _with_derivative(model, family, F, criterion: str, intervals: int, symmetry:
 def stability(
     model: AbstractModel, family: LatticeFamily, F, criterion: str = "symbol", resolution: int | None = None
 ) -> Stability:
-    """Is the infinite lattice stable under the homogeneous deformation x = F X?
+    """Decide whether the infinite lattice is stable under the homogeneous deformation x = F X.
 
-    Arguments: F (dim, dim) [-], det F > 0; criterion one of `CRITERIA`; resolution: grid intervals from 0 to
-        π/h along each axis of the Brillouin zone ("symbol"; default 8 for each spacing of the horizon).
-    Returns: `Stability` (.verdict, .margin, .eigenvalue, .wave_vector, .mode), differentiable by the envelope theorem.
-    Raises: ValueError for an unknown criterion, det F ≤ 0, a singular family, a law unstable at rest (λ + 2μ ≤ 0) or
-        without a local form. Derivatives of the margin are exact to first order, no further.
+    A small perturbation of the deformed lattice is a sum of plane waves u = e exp(ik·X). The wave of wave vector k and
+    polarisation e grows if e is an eigenvector of the symbol Ĵ(k) with an eigenvalue λ > 0. The default criterion finds
+    the worst wave of all. The other criteria are cheaper or answer another question, see Notes.
+
+    Parameters
+    ----------
+    model : AbstractModel
+        The material model.
+    family : LatticeFamily
+        One family of the lattice, from `lattice_family`.
+    F : array, shape (dim, dim)
+        Deformation gradient [-], det F > 0.
+    criterion : str, optional
+        One of the criteria of Notes.
+    resolution : int, optional
+        Grid intervals from 0 to π/h along each axis of the Brillouin zone, for the criterion "symbol". The default is 8
+        for each spacing of the horizon.
+
+    Returns
+    -------
+    Stability
+        The result, with these attributes:
+
+        - `margin` [-] is the criterion as one dimensionless number: positive is unstable, negative is stable.
+        - `tolerance` [-] is the rounding error of the margin. Margins between −tolerance and tolerance are zero.
+        - `verdict` is the margin in words: "unstable", "stable", or "marginal" if the margin is zero. In a marginal
+          state a motion, called a zero-energy mode, meets no resistance. The verdict of a NaN margin is "undefined".
+        - `eigenvalue` is the eigenvalue behind the margin. For "symbol" it is λ [force/length^(dim+1)]. In an unstable
+          state it is the largest λ of all waves, and √(λ/ρ) is the growth rate.
+        - `wave_vector` [1/length] is the k of that eigenvalue, or None for criteria without waves. The zero vector
+          stands for the limit of long waves, k → 0, along `direction`.
+        - `mode` is the eigenvector, such as the polarisation e.
+
+    Raises
+    ------
+    ValueError
+        If the criterion is unknown, if det F ≤ 0, if the family is too small for the model, or if the P-wave modulus
+        λ + 2μ of the law at rest is not positive. Also if the model lacks what the criterion needs: "local" needs a
+        classical law, "continuum" needs a point state and no zero-energy control.
+
+    Notes
+    -----
+    Every criterion is a quantity that is negative in a stable state. M is the P-wave modulus and h the spacing.
+
+    - "diagonal": the largest diagonal entry of D = ∂f(X)/∂x(X), the block of the Jacobian at one point. It is a
+      necessary condition only, because D is the mean of the symbol over all waves. This is the criterion of the paper.
+    - "block": the largest eigenvalue of D. It is a necessary condition only, for the same reason.
+    - "material_center": −dT·dY if the centre of one family moves. dY is the increment of its deformed bonds, dT that of
+      its force states, and dT·dY their work.
+    - "material_neighbour": −dT·dY if one neighbour moves.
+    - "material": −dT·dY for the worst dY of one family, translations and rotations excluded.
+    - "symbol": the largest λ/(M κ²) of all waves, the limit k → 0 included, with κ² = Σ_i ((2/h) sin(k_i h/2))². It is
+      exact on the infinite lattice, because every small perturbation is a sum of such waves. λ can be complex for a
+      model without an energy. Then (Re √λ)² takes its place.
+    - "affine": minus the smallest eigenvalue of the acoustic tensor of W(F), the energy of affine maps of the family,
+      in the worst direction. It is the long-wave limit k → 0 of "symbol".
+    - "local": the same for ψ(F), the classical law behind the model. It differs from "affine" for Seth–Hill models with
+      m ≠ 1.
+    - "continuum": the largest eigenvalue of D in the limit h → 0 at fixed horizon. Only its sign has a meaning.
+
+    First derivatives of the margin in `model`, `family` and `F` are exact, by the envelope theorem. Higher derivatives
+    are not available.
+
+    References
+    ----------
+    Silling 2017 (material); Behzadinasab & Foster, Eqs. finaldf (diagonal) and dfcontinuum to gammaCondition
+    (continuum); Born & Huang 1954 (symbol).
+
+    Examples
+    --------
+    The diagonal does not see the instability of the Seth–Hill model in 2 % of compression.
+
+    >>> family = pd.lattice_family(2, 2)
+    >>> model = pd.SethHill(1.0, pd.LinearElastic(1.0, 1.0))
+    >>> state = pd.stability(model, family, 0.98 * np.eye(2))
+    >>> state.verdict, round(float(state.margin), 4)
+    ('unstable', 0.0176)
+    >>> pd.stability(model, family, 0.98 * np.eye(2), criterion="diagonal").verdict
+    'stable'
     """
     choice("criterion", criterion, list(CRITERIA))
     check_model(model, family, LatticeFamily)
@@ -109,7 +188,7 @@ def stability(
     if is_concrete(quiet):
         out = outcomes(criterion, quiet_model, quiet_family, np.asarray(quiet_F)[None], zone)
         out = jax.tree.map(lambda x: x[0], out)
-        if not is_concrete(model, family, F):  # a derivative flows through: the quotient where the search has ended
+        if not is_concrete(model, family, F):  # Derivatives flow through the margin at the wave and mode found.
             out = _with_derivative(model, family, F, criterion, zone.intervals, zone.symmetry, out)
     else:
         check_at_rest(model, family)

@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ...geometry.bonds import Bonds, LatticeFamily
-from ...models.base import AbstractModel, PointStateModel
+from ...models.base import AbstractModel
 from ...tangent.linearise import linearise_states
 from ..bloch import modulus_at_rest
 from .outcome import Outcome, decide
@@ -37,7 +37,7 @@ def sphere_rule(dim: int) -> tuple[np.ndarray, np.ndarray]:
 
 def continuum(model: AbstractModel, family: LatticeFamily, F: Float[Array, "dim dim"], at=None) -> Outcome:
     """λ_max(−2 Σ_n weight · B(n)) / M with unit bonds; the discretisation of `family` plays no part but through M."""
-    if not isinstance(model, PointStateModel) or getattr(getattr(model, "base", model), "control", None) is not None:
+    if not model.by_state or model.controlled:
         raise ValueError(
             "criterion 'continuum' takes B(ξ) of one bond for all lengths: it needs a model with a point state and no"
             f" control of zero-energy modes; got {type(model).__name__}"

@@ -1,15 +1,20 @@
-"""Critical loads: the edge of the unstable set along a path, on one side; and the orders m at which a side turns.
+"""Critical loads along a path, and the orders m of Seth–Hill models that are stable under small loads.
 
-**Critical load.** The margin is sampled from |a| = 1e-6 to the limit (geometric near 0, then 2 % steps), the first
-unstable sample is bracketed against the one before it, and the bracket is split again and again. The edge itself is the
-root of the secant through the ends of the last bracket. Where derivatives are asked for it is one Newton step with the
-exact derivative ∂margin/∂a, written so that its derivative in everything else is the implicit function theorem,
-da/dθ = −(∂margin/∂θ)/(∂margin/∂a). 0: unstable at once; inf: not within the limit (or no
-state there).
+A load a has two **sides**, negative and positive. On most paths the negative side is compression and the positive side
+is tension.
 
-**Threshold order.** At rest every half-reciprocal wave costs a Seth–Hill lattice nothing, so under a small load the
-sign of dλ/da at those points decides whether a side is unstable at once, for whatever law: `load_slope`. Its zero in
-m is `stable_orders`, the m at which the side turns.
+**Critical load.** The critical load of a side is the first load at which the lattice becomes unstable. The margin is
+sampled from |a| = 1e-6 to the limit, in geometric steps near 0 and then in steps of 2 %. The first unstable sample and
+the sample before it form a bracket, which is split repeatedly. The secant through the ends of the last bracket gives
+the critical load. If derivatives are needed, the last step is one Newton step with the exact ∂margin/∂a instead. It is
+written so that its derivative in any parameter θ is that of the implicit function theorem,
+da/dθ = −(∂margin/∂θ)/(∂margin/∂a). The result is 0 if the side is unstable at the smallest load, and infinite if no
+instability is found up to the limit, or if no state exists there.
+
+**Threshold order.** A Seth–Hill lattice at rest has zero-energy modes at all half-reciprocal points (wave vectors with
+components 0 or π/h). Under a small load the sign of dλ/da at these points therefore decides whether a side is unstable
+at once, for every law (`load_slope`). Its zeros in m bound the orders that are stable under small loads
+(`stable_orders`).
 """
 
 from typing import Any
@@ -34,17 +39,17 @@ from . import CRITERIA, check_at_rest, evaluate, family_zone, margin_tolerance
 from .on_host import outcomes
 
 SIDES = ("negative", "positive")
-SMALLEST = 1e-6  # a side that is unstable at this load is called unstable at 0
+SMALLEST = 1e-6  # A side that is unstable at this load has the critical load 0.
 BATCH = 16
-NEAR, FAR = 16, 48  # samples up to 2 %, and from there to the limit
-SPLITS = 5  # a 2 % bracket ends at 2e-8, which one Newton step takes to rounding
-CLOSE = 2e-8  # a bracket of that relative width is left to the secant,
-SPAN = 1e-6  # over about that relative width: its slope is good to 1e-6 by curvature, and to 1e-9 by rounding
+NEAR, FAR = 16, 48  # numbers of samples up to 2 %, and from 2 % to the limit
+SPLITS = 5  # They narrow a bracket of 2 % to 2e-8. One Newton step then reaches rounding.
+CLOSE = 2e-8  # The secant replaces the splits once the bracket has this relative width.
+SPAN = 1e-6  # Relative width of the secant. Its slope is accurate to 1e-6 (curvature) and 1e-9 (rounding).
 LIMITS = {"negative": 0.9, "positive": 1.0}
 
 
 def _samples(limit: float) -> np.ndarray:
-    """Loads to look at first, (batches, BATCH + 1): each batch starts with the last load before it, the first at 0."""
+    """The samples of |a|, (batches, BATCH + 1). Each batch starts with the last load of the previous one, or with 0."""
     start = min(0.02, limit / 2)
     far = np.linspace(start, limit, FAR + 1)[1:]
     sizes = np.concatenate([np.geomspace(SMALLEST, start, NEAR), far]).reshape(-1, BATCH)
@@ -52,16 +57,17 @@ def _samples(limit: float) -> np.ndarray:
 
 
 def _traced_edge(model, family, path: Path, criterion: str, sign: Array, samples: Array, zone: Zone) -> tuple:
-    """(edge found, width of its bracket, where the criterion's search ended, state of the side) inside a program.
+    """The bracket of the critical load inside a traced program: (low, high, whether it exists, `Outcome.at` at high).
 
-    One loop, one trace of the criterion: batches of loads, first the samples until one is unstable, then the bracket
-    around its edge split into BATCH parts, `SPLITS` times.
+    A single loop, with one trace of the criterion, evaluates batches of loads. The first batches are the samples, until
+    one of them is unstable. The following batches split the bracket into BATCH parts, `SPLITS` times.
     """
     real = family.xi.dtype
 
     def look(size):
         out = evaluate(criterion, model, family, path(sign * size, model, family), zone)
-        return out.margin > margin_tolerance(real, out.scale), out.at  # NaN (no state there) is not unstable
+        # A NaN margin means that no state exists, which does not count as unstable.
+        return out.margin > margin_tolerance(real, out.scale), out.at
 
     def batch(state):
         number, splits, sizes, _, _ = state
@@ -70,7 +76,7 @@ def _traced_edge(model, family, path: Path, criterion: str, sign: Array, samples
         i = jnp.argmax(unstable)
         low, high = sizes[i], sizes[i + 1]
         split = low + (high - low) * jnp.arange(BATCH + 1, dtype=real) / BATCH
-        split = split.at[-1].set(high)  # verbatim: it is known to be unstable
+        split = split.at[-1].set(high)  # Exactly `high`, which is known to be unstable.
         following = jnp.where(hit, split, samples[jnp.minimum(number + 1, len(samples) - 1)])
         at = jax.tree.map(lambda x: x[i], at)
         return number + 1, splits + hit, following, (low, high, hit & (high > SMALLEST)), at
@@ -89,8 +95,10 @@ def _traced_edge(model, family, path: Path, criterion: str, sign: Array, samples
 
 
 def _polished(model, family, path: Path, criterion: str, sign, zone: Zone, found: tuple) -> Array:
-    """One Newton step from the unstable end of the bracket, written so that its derivative in everything else is the
-    implicit function theorem; 0 and ±inf where the side has no edge between."""
+    """One Newton step from the unstable end of the bracket, with the derivatives of the implicit function theorem.
+
+    The result is 0 if the side is unstable at once, and ±inf if it has no critical load.
+    """
     low, high, exists, at = found
     real = family.xi.dtype
     root = sign * high
@@ -108,7 +116,10 @@ def _polished(model, family, path: Path, criterion: str, sign, zone: Zone, found
 
 
 def _one_by_one(function: Any) -> Any:
-    """`function` of a tree of arrays, which `vmap` maps one after the other: a batch costs what a loop costs."""
+    """A function of a tree of arrays that `vmap` evaluates in a loop, so that a batch costs as much as a loop.
+
+    A batched `while_loop` would run until its slowest element has finished.
+    """
     single = jax.custom_batching.custom_vmap(function)
 
     @single.def_vmap
@@ -144,12 +155,12 @@ def _with_derivative(model, family, path, criterion: str, sign, intervals: int, 
 
 @eqx.filter_jit
 def deformations(path: Path, a: Float[Array, " loads"], model, family) -> Float[Array, "loads dim dim"]:
-    """F along a path."""
+    """The deformation gradients F at the loads `a` of a path."""
     return jax.vmap(lambda x: path(x, model, family))(a)
 
 
 def _split(low: float, high: float, f_low: float, f_high: float) -> np.ndarray:
-    """Loads in (low, high], the last one `high` itself: close around the root of the secant, and spread between."""
+    """Loads in (low, high], the last one `high`. Most are close to the root of the secant, others are spread evenly."""
     width = high - low
     even = low + width * np.arange(1, BATCH + 1) / BATCH
     if not f_low < 0 < f_high:
@@ -161,8 +172,10 @@ def _split(low: float, high: float, f_low: float, f_high: float) -> np.ndarray:
 
 
 def _host_edge(setting: tuple, criterion: str, sign: float, samples: np.ndarray, zone: Zone) -> tuple:
-    """`_traced_edge` on concrete values (`setting`: model, family, path), and the loads and margins of every state that
-    was looked at."""
+    """`_traced_edge` for concrete values, and the loads and margins of all evaluated states.
+
+    `setting` is (model, family, path).
+    """
     model, family, path = setting
     real, samples = np.dtype(family.xi.dtype), np.asarray(samples, float)
     seen: list[np.ndarray] = []
@@ -192,8 +205,10 @@ def _host_edge(setting: tuple, criterion: str, sign: float, samples: np.ndarray,
 
 
 def _secant(low: float, high: float, seen: list[np.ndarray], real: Any) -> float:
-    """|a| where the margin is zero, by the secant from `high` to a load seen about SPAN away; 0 where that can't be
-    told from rest."""
+    """|a| at the zero of the margin, by the secant from `high` to an evaluated load at a distance of about SPAN.
+
+    The result is 0 if the zero cannot be distinguished from the undeformed state.
+    """
     sizes, margins = np.concatenate(seen, axis=1)
     sizes, margins = sizes[np.isfinite(margins)], margins[np.isfinite(margins)]
     distance = np.abs(sizes - high)
@@ -216,15 +231,55 @@ def critical_load(
     limit: float | None = None,
     resolution: int | None = None,
 ) -> Float[Array, ""]:
-    """Where the lattice first becomes unstable along a load path, starting from rest.
+    """Find the first load of a path at which the infinite lattice becomes unstable.
 
-    Arguments: path (a, model, family) → F; criterion one of `CRITERIA`; side of a; limit: how far |a| is followed
-        [-] (default 0.9 negative, 1.0 positive); resolution as in `stability`.
-    Returns: a_cr [-], with exact first derivatives in model and family. 0 where the side is unstable at |a| = 1e-6 already
-        (or nearer to 0 than its tolerance can tell), ±inf where it is not within the limit. Unstable windows
-        narrower than limit/48, the sampling step, can be missed. A marginal state is not an unstable one: `stability`
-        and `zero_energy_waves` tell of waves that cost nothing.
-    Raises: ValueError for an unknown criterion or side, a limit not in (1e-6, 1) on the negative side.
+    Parameters
+    ----------
+    model : AbstractModel
+        The material model.
+    family : LatticeFamily
+        One family of the lattice, from `lattice_family`.
+    path : callable, optional
+        Load path (a, model, family) → F with F = I at a = 0, such as `hydrostatic`.
+    criterion : str, optional
+        Criterion of stability, see `stability`.
+    side : str, optional
+        Sign of the loads: "negative" (compression on most paths) or "positive" (tension).
+    limit : float, optional
+        Largest |a| of the search [-]. The default is 0.9 on the negative and 1.0 on the positive side.
+    resolution : int, optional
+        Grid intervals of the Brillouin zone, see `stability`.
+
+    Returns
+    -------
+    array, shape ()
+        Critical load a_cr [-], with the sign of its side. It is 0 if the lattice is unstable at |a| = 1e-6 already, or
+        if the tolerance of the margin does not distinguish it from 0. It is infinite if the lattice is not unstable up
+        to the limit.
+
+    Raises
+    ------
+    ValueError
+        If the criterion or the side is unknown, if `path` is not a function, if `limit` is not larger than 2e-6 (and
+        smaller than 1 on the negative side), or for what `stability` refuses.
+
+    Notes
+    -----
+    First derivatives in `model`, `family` and `path` are exact. A range of unstable loads that is narrower than
+    limit/48, the step of the samples, can be missed. Marginal states do not count as unstable. `stability` and
+    `zero_energy_waves` report zero-energy modes.
+
+    Examples
+    --------
+    In 1D, with m = 1 and N = 3, the diagonal gives the critical strain −0.074 of the paper. The exact symbol is
+    unstable in compression at any load.
+
+    >>> family = pd.lattice_family(1, 3)
+    >>> model = pd.SethHill(1.0, pd.LinearElastic(1.0, 1.0))
+    >>> round(float(pd.critical_load(model, family, criterion="diagonal", side="negative")), 3)
+    -0.074
+    >>> abs(float(pd.critical_load(model, family, side="negative")))
+    0.0
     """
     choice("criterion", criterion, list(CRITERIA))
     if side in ("compression", "tension"):
@@ -234,7 +289,9 @@ def critical_load(
         raise ValueError(f"path must be a function (a, model, family) -> F, such as pd.hydrostatic; got {path!r}")
     limit = LIMITS[side] if limit is None else limit
     if not (2 * SMALLEST < limit < (1.0 if side == "negative" else np.inf)):
-        raise ValueError(f"limit must lie between 2e-6 and 1 (negative side) or be finite (positive); got {limit}")
+        raise ValueError(
+            f"limit must lie between 2e-6 and 1 (negative side), or be finite and > 2e-6 (positive); got {limit}"
+        )
     check_model(model, family, LatticeFamily)
     real = np.dtype(family.xi.dtype)
     sign, samples = np.asarray(-1.0 if side == "negative" else 1.0, real), _samples(float(limit)).astype(real)
@@ -254,10 +311,43 @@ def critical_load(
 def load_slope(
     model: AbstractModel, family: LatticeFamily, path: Path = hydrostatic, side: str = "positive"
 ) -> Float[Array, ""]:
-    """How fast a load destabilises the half-reciprocal waves that cost nothing at rest.
+    """Compute how fast a small load destabilises the zero-energy modes of the lattice at rest.
 
-    Returns: max over those points of dλ_max/d|a| at a = 0, over M κ² [-]; positive: the side is unstable at once;
-        −inf if no such wave is free of energy at rest.
+    max over the half-reciprocal k of dλ_max(k)/d|a| / (M κ²) at a = 0
+
+    Only half-reciprocal points (components 0 or π/h) are considered, and there only modes with λ = 0 at rest. M is the
+    P-wave modulus and κ² = Σ_i ((2/h) sin(k_i h/2))².
+
+    Parameters
+    ----------
+    model : AbstractModel
+        The material model.
+    family : LatticeFamily
+        One family of the lattice, from `lattice_family`.
+    path : callable, optional
+        Load path (a, model, family) → F, such as `hydrostatic`.
+    side : str, optional
+        Sign of the loads: "negative" (compression on most paths) or "positive" (tension).
+
+    Returns
+    -------
+    array, shape ()
+        Slope of the margin [-]. If it is positive, the side is unstable at any load. It is −inf if no half-reciprocal
+        point has a zero-energy mode at rest.
+
+    Raises
+    ------
+    ValueError
+        If the side is unknown, or if the family is too small for the model.
+
+    Examples
+    --------
+    In compression the Seth–Hill model of order 1 is unstable at once, and the one of order 0 is not.
+
+    >>> family, law = pd.lattice_family(1, 2), pd.LinearElastic(1.0, 1.0)
+    >>> slope = jax.jit(lambda m: pd.load_slope(pd.SethHill(m, law), family, side="negative"))
+    >>> round(float(slope(1.0)), 6), round(float(slope(0.0)), 6)
+    (0.5, -0.5)
     """
     choice("side", side, SIDES)
     check_model(model, family, LatticeFamily)
@@ -295,12 +385,46 @@ def stable_orders(
     side: str = "positive",
     bound: float = 20.0,
 ) -> tuple[float, float]:
-    """The interval (low, high) of orders m [-] for which a side of a path is not unstable at once, for Seth–Hill.
+    """Find the orders m of the Seth–Hill model that are not unstable at once on one side of a path.
 
-    At rest Z is linear in the load whatever m, and each bond's block is linear in m: `load_slope` is convex in m,
-    so the orders where it is negative form one interval; ±inf where it has no end within ±bound, NaN if it is empty.
-    Under hydrostatic load the ends do not depend on an isotropic law with μ > 0. (With μ = 0 every wave is free at
-    rest, and the half-reciprocal points do not tell.) Raises: ValueError as `load_slope`.
+    Parameters
+    ----------
+    family : LatticeFamily
+        One family of the lattice, from `lattice_family`.
+    law : Law
+        Law of the Seth–Hill model.
+    path : callable, optional
+        Load path (a, model, family) → F, such as `hydrostatic`.
+    side : str, optional
+        Sign of the loads: "negative" (compression on most paths) or "positive" (tension).
+    bound : float, optional
+        Orders are searched between −bound and bound [-].
+
+    Returns
+    -------
+    tuple of float
+        The ends (low, high) of the interval of orders m [-]. An end is infinite if it lies beyond ±bound. Both are NaN
+        if no order is stable.
+
+    Raises
+    ------
+    ValueError
+        If the side is unknown, if `bound` is not finite and > 0, or if the family is too small for the model.
+
+    Notes
+    -----
+    The orders are those with a negative `load_slope`. To first order in the load, the strain does not depend on m, and
+    the block of each bond is linear in m. Therefore `load_slope` is convex in m, and the orders form one interval.
+    Under hydrostatic load the ends are the same for all isotropic laws with μ > 0. With μ = 0 every wave is a
+    zero-energy mode at rest, so that the half-reciprocal points do not decide.
+
+    Examples
+    --------
+    In 1D with N = 2, orders above ½ are stable under small tension.
+
+    >>> low, high = pd.stable_orders(pd.lattice_family(1, 2), pd.LinearElastic(1.0, 1.0), side="positive")
+    >>> round(low, 6), high
+    (0.5, inf)
     """
     choice("side", side, SIDES)
     if not (np.isfinite(bound) and bound > 0):
@@ -311,7 +435,7 @@ def stable_orders(
         return np.asarray(_slopes(jnp.asarray(orders, dtype=family.xi.dtype), family, law, path, side))
 
     def edge(low, high):
-        """The zero between orders of opposite slope, by splitting the bracket down to rounding."""
+        """The zero between two orders of opposite slope, by splitting the bracket down to rounding."""
         while True:
             orders = np.linspace(low, high, batch)
             inside = slopes(orders) < 0
@@ -323,7 +447,7 @@ def stable_orders(
                 return float((low + high) / 2)
 
     orders = np.linspace(-bound, bound, batch)
-    for _ in range(8):  # close in on the lowest point of a convex function, unless it is negative already
+    for _ in range(8):  # Approach the minimum of the convex function until a negative value is found.
         found = slopes(orders)
         i = int(np.argmin(found))
         if found[i] < 0:

@@ -1,12 +1,11 @@
-"""The criteria of concrete models on concrete families: numbers from one small program, the rest NumPy.
+"""Criteria of concrete models on concrete families.
 
-    linearised states (`pdjax.infinite_lattice.lattice_states`)  →  symbol: a search of the Brillouin zone
-                                                →  diagonal, block: sums of the same blocks
+A small JAX program linearises the states (`pdjax.infinite_lattice.lattice_states`). The criteria "symbol" (a search of
+the Brillouin zone), "diagonal" and "block" (sums of blocks) follow from the linearised states in NumPy. A map has
+thousands of states. Their search is one JAX program, which all models share.
 
-The search of up to STATES states is NumPy. For maps, which have thousands, it is one program for all models.
-
-Every other criterion is one program of its own, for STATES states at once. Under a transformation the criteria are
-traced as they are (`pdjax.infinite_lattice.criteria.evaluate`).
+Every other criterion is a JAX program of its own, for STATES states at once. Inside `jit`, `grad` or `vmap` the
+criteria are traced directly (`pdjax.infinite_lattice.criteria.evaluate`).
 """
 
 from collections.abc import Callable
@@ -26,18 +25,19 @@ from ..lattice_states import STATES, States, check_at_rest, checked_states, has_
 from .outcome import Outcome, margin_tolerance
 from .waves import Found, search, search_few
 
-MANY = {1: 64, 2: 256, 3: 64}  # states that climb together in a map: measured fastest of 16, 64, 256, 1024
+# Number of states of a map that climb in one batch, by dimension: the fastest measured of 16, 64, 256 and 1024.
+MANY = {1: 64, 2: 256, 3: 64}
 
 
 @lru_cache(maxsize=64)
 def _search(dim: int, bonds: int, rings: int, intervals: int, symmetry: str) -> Any:
-    """The search of many states as one program: its sizes are all it is made for."""
+    """The search for many states as one program, which depends on sizes only."""
     offsets, zone = reached(dim, bonds, rings), brillouin_zone(dim, intervals, symmetry)
     return jax.jit(partial(search, offsets=offsets, zone=zone, group=MANY[dim]))
 
 
 def searched(states: States, model: AbstractModel, family: LatticeFamily, zone: Zone) -> Found:
-    """Where the searches of all states ended, in NumPy."""
+    """Where the searches of all states ended, as NumPy arrays."""
     scaled = packed(states.scaled)
     if len(scaled) <= STATES:
         return search_few(scaled, states.offsets, zone)
@@ -49,7 +49,7 @@ def searched(states: States, model: AbstractModel, family: LatticeFamily, zone: 
 
 
 def _work(blocks: np.ndarray, offsets: np.ndarray, x: Any, is_long: Any, v: Any) -> tuple:
-    """(vᵀ Ĵ v, κ²) of every state at its own x [1/spacing], in the units of the blocks."""
+    """(vᵀ Ĵ v, κ²) of every state at its wave x [1/spacing], in the units of the blocks."""
     angle = x @ offsets.T
     c = np.where(is_long[:, None], angle**2, 4 * np.sin(angle / 2) ** 2)
     kappa2 = np.where(is_long[:, None], x**2, 4 * np.sin(x / 2) ** 2).sum(axis=1)
@@ -59,7 +59,7 @@ def _work(blocks: np.ndarray, offsets: np.ndarray, x: Any, is_long: Any, v: Any)
 def from_states(
     criterion: str, model: AbstractModel, family: LatticeFamily, states: States, zone: Zone
 ) -> Outcome | None:
-    """The named criterion of linearised states, in NumPy; None if it needs more than their series."""
+    """The named criterion of linearised states in NumPy, or None if it needs more than their cosine series."""
     if criterion not in FROM_STATES or not has_series(model) or (criterion == "symbol" and not model.hyperelastic):
         return None
     return FROM_STATES[criterion](model, family, states, zone)
@@ -76,7 +76,7 @@ def _symbol(model: AbstractModel, family: LatticeFamily, states: States, zone: Z
     eigenvalue = np.where(unstable, growth, np.where(found.is_long, 0.0, work))
     x, mode = (np.where(unstable[:, None], a, b) for a, b in ((found.fast_x, found.x), (found.fast_mode, found.mode)))
     k = np.where((found.is_long & ~unstable)[:, None], 0.0, x)
-    k = k - 2 * np.pi * np.round(k / (2 * np.pi))  # climbs may end in the next zone: the same wave
+    k = k - 2 * np.pi * np.round(k / (2 * np.pi))  # A climb can end in a neighbouring zone, at the same wave.
     direction = x / np.linalg.norm(x, axis=1, keepdims=True)
     return Outcome(margin, eigenvalue, mode, k / h, direction, found.scale, tuple(found))
 
@@ -109,8 +109,10 @@ def _traced(criterion: str, model: AbstractModel, family: LatticeFamily, F, inte
 
 
 def outcomes(criterion: str, model: AbstractModel, family: LatticeFamily, F: np.ndarray, zone: Zone) -> Outcome:
-    """The named criterion at the deformations F (states, dim, dim), at most STATES: an `Outcome` of NumPy arrays with
-    a leading axis. Checks the family and the resting state first."""
+    """The named criterion at up to STATES deformations F (states, dim, dim), after checks of family and modulus.
+
+    The result is an `Outcome` of NumPy arrays with a leading axis of states.
+    """
     if criterion in FROM_STATES and has_series(model):
         out = from_states(criterion, model, family, checked_states(model, family, F), zone)
         if out is not None:

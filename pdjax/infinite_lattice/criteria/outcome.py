@@ -1,4 +1,4 @@
-"""What a criterion says: numbers first (traced), then the verdict in words (on the host)."""
+"""The result of a criterion: traced numbers (`Outcome`), and the verdict in words on the host (`Stability`)."""
 
 from typing import Any, NamedTuple
 
@@ -13,13 +13,14 @@ from ..brillouin import top_pair
 
 
 class Outcome(NamedTuple):
-    """margin [-] (positive: unstable), the eigenvalue behind it, its mode and, for waves, its wave vector.
+    """The margin [-] (positive is unstable), its eigenvalue and mode and, for criteria of waves, its wave vector.
 
-    `at` is where the criterion's search ended (a vector, a wave …): given back to it, the search is skipped and the
-    same quotient is measured for other parameters, which by the envelope theorem is the margin to second order.
+    `at` holds the vectors or the wave at which the search of the criterion ended. A later call that gets `at` skips the
+    search and evaluates the same quotient for other parameters. By the envelope theorem this quotient is the margin to
+    second order. `scale` is the size of the terms whose rounding limits the margin.
     """
 
-    margin: Any  # (): one state; with a leading axis, as of NumPy, where many were judged at once
+    margin: Any  # Shape () for one state. A leading axis, if there is one, counts states.
     eigenvalue: Any
     mode: Any
     wave_vector: Any = None  # (dim,)
@@ -29,19 +30,49 @@ class Outcome(NamedTuple):
 
 
 def decide(A: Float[Array, "n n"], at: Float[Array, " n"] | None = None) -> tuple[Array, Array]:
-    """λ_max by `eigh` (or the quotient of the given vector); the derivative is vᵀ(∂A)v, finite at double roots too."""
+    """λ_max by `eigh`, or the quotient of the vector `at`. Its derivative vᵀ(∂A)v is finite at double roots too."""
     v = jax.lax.stop_gradient(top_pair(jax.lax.stop_gradient(A))[1] if at is None else at)
     return v @ A @ v, v
 
 
 class Stability(eqx.Module):
-    """The answer of `stability`.
+    """Verdict, margin and worst mode of a homogeneous state, the result of `stability`.
 
-    margin: [-] positive unstable, zero to `tolerance` marginal, negative stable.
-    eigenvalue, mode: the largest eigenvalue if unstable, else the one at the margin, and its shape. For "symbol":
-        eigenvalue [force/length^(dim+1)], growth rate √(eigenvalue/ρ); mode a unit vector, u = mode · e^{ik·X}.
-    wave_vector: [1/length], None for criteria without waves; the zero vector means the limit k → 0 along `direction`.
-    resolution: grid intervals from 0 to π/h along each axis of the Brillouin zone ("symbol" only).
+    Under `jax.vmap` every array has a leading axis of states.
+
+    Attributes
+    ----------
+    criterion : str
+        Name of the criterion.
+    margin : array, shape ()
+        The criterion as a dimensionless number: positive is unstable, negative is stable.
+    eigenvalue : array, shape ()
+        Eigenvalue behind the margin. For "symbol" it is an eigenvalue λ of the symbol [force/length^(dim+1)]. An
+        unstable state has the largest λ of all waves, which grows at the rate √(λ/ρ). Any other state has the λ of the
+        wave of the margin. For "affine" and "local" it is minus an eigenvalue of the acoustic tensor [pressure].
+    mode : array, shape (dim,) or (bonds, dim)
+        Eigenvector of `eigenvalue`. For "symbol" it is the polarisation, a unit vector: u = mode · e^{ik·X}. For
+        "material" and "material_neighbour" it holds the increment of every bond of the family.
+    wave_vector : array, shape (dim,), or None
+        Wave vector k [1/length], None for criteria without waves. The zero vector stands for the limit k → 0 along
+        `direction`.
+    direction : array, shape (dim,), or None
+        Unit vector along k.
+    tolerance : array, shape ()
+        Margins between −tolerance and tolerance are zero to rounding.
+    resolution : int or None
+        Grid intervals from 0 to π/h along each axis of the Brillouin zone ("symbol" only).
+    verdict : str
+        The margin in words.
+
+    Examples
+    --------
+    In tension this Seth–Hill model is softest for the checkerboard wave, with k = π/h along both axes.
+
+    >>> model = pd.SethHill(1.0, pd.LinearElastic(1.0, 1.0))
+    >>> state = pd.stability(model, pd.lattice_family(2, 2), 1.02 * np.eye(2))
+    >>> state.verdict, np.abs(np.asarray(state.wave_vector) / np.pi).round(6).tolist()
+    ('stable', [1.0, 1.0])
     """
 
     criterion: str = eqx.field(static=True)
@@ -55,7 +86,7 @@ class Stability(eqx.Module):
 
     @property
     def verdict(self) -> str | np.ndarray:
-        """ "stable", "marginal" or "unstable"; of a batch, the array of them. NaN margins are "undefined"."""
+        """ "stable", "marginal" or "unstable", or an array of these for a batch. A NaN margin is "undefined"."""
         words = verdicts(self.margin, self.tolerance)
         return str(words) if words.ndim == 0 else words
 
@@ -69,13 +100,13 @@ class Stability(eqx.Module):
 
 
 def verdicts(margin, tolerance) -> np.ndarray:
-    """Words for margins: the sign beyond the tolerance."""
+    """The verdict of every margin: its sign if it exceeds the tolerance, else "marginal"."""
     margin, tolerance = np.asarray(margin), np.asarray(tolerance)
     words = np.where(margin > tolerance, "unstable", np.where(margin < -tolerance, "stable", "marginal"))
     return np.where(np.isnan(margin), "undefined", words)
 
 
 def margin_tolerance(dtype, scale=1.0):
-    """Margins nearer to zero than this are rounding: 256 eps × the largest quotient (measured noise: below 10 eps)."""
+    """The rounding error of a margin: 256 eps × the largest quotient `scale`. The measured noise is below 10 eps."""
     xp = namespace(scale)
     return (256 * jnp.finfo(dtype).eps * xp.maximum(1.0, scale)).astype(dtype)

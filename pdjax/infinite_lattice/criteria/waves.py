@@ -1,12 +1,13 @@
-"""The criteria that look at waves, short or long.
+"""Criteria of waves.
 
-    symbol   sup over the Brillouin zone, k → 0 included, of λ_max(Ĵ(k)) / (M κ²): exact and decisive on a lattice
-    affine   −min over N of the acoustic tensor N·∂²W(F)·N of the energy of affine maps, over M: the limit k → 0
-    local    the same of the classical law at this F; differs from affine for Seth–Hill unless m = 1
+    symbol   sup over the Brillouin zone, k → 0 included, of λ_max(Ĵ(k)) / (M κ²): exact on the infinite lattice
+    affine   −min over N of λ_min(N·∂²W(F)·N) / M: the acoustic tensor of the energy of affine maps, the limit k → 0
+    local    the same for the classical law ψ(F), which differs from affine for Seth–Hill unless m = 1
 
-The maximiser is searched with derivatives stopped (`search`, on the cosine series of the symbol); the margin is then
-the quotient at that wave vector and mode, so its derivative in any parameter is vᵀ(∂Ĵ)v: the envelope theorem. A
-model without an energy is judged by the growth of its modes instead (`flutter`).
+**Search.** `search` finds the wave vector and mode of the maximum, on the cosine series of the symbol and without
+derivatives (see `pdjax.infinite_lattice.brillouin` for its words: grid, screen, start, climb). The margin is then the
+quotient at that wave vector and mode. By the envelope theorem its derivative in any parameter is vᵀ(∂Ĵ)v. For a model
+without an energy, the growth of its modes takes the place of λ_max (`flutter`).
 """
 
 import math
@@ -28,12 +29,17 @@ from ..cosine_series import Forms, Series, entries, forms, on_grid, packed, reac
 from . import flutter
 from .outcome import Outcome, margin_tolerance
 
-GROUP = {1: 16, 2: 16, 3: 4}  # states whose starts climb together: the more, the fewer steps; the fewer, the less idle
+# Number of states whose starts climb in one batch, by dimension. A large batch has fewer sequential steps. In a small
+# batch fewer finished starts wait for the slowest one.
+GROUP = {1: 16, 2: 16, 3: 4}
 
 
 class Found(NamedTuple):
-    """Where searches of many states ended: the wave x [1/spacing] (or the direction of the limit k → 0) and the mode
-    of the largest quotient, those of the largest eigenvalue, and the largest |quotient| on the grid."""
+    """Where the searches of many states ended.
+
+    `x` [1/spacing] and `mode` belong to the largest quotient. If `is_long` is True, x is the direction of the limit
+    k → 0. `fast_x` and `fast_mode` belong to the largest eigenvalue. `scale` is the largest |quotient| on the grid.
+    """
 
     x: Float[Any, "states dim"]
     is_long: Bool[Any, " states"]
@@ -44,9 +50,11 @@ class Found(NamedTuple):
 
 
 def _screen(blocks: Float[Any, "offsets p"], offsets: np.ndarray, zone: Zone) -> tuple[Any, Any, Any]:
-    """Of one state: starts (lanes, dim), Ĵ there (lanes, p), and the largest |quotient| on the grid. The starts are the
-    best wave of every class and the second best of all, the wave of the largest eigenvalue, and the best direction of
-    the limit."""
+    """The starts (lanes, dim) of one state, Ĵ at the starts (lanes, p), and the largest |quotient| on the grid.
+
+    The starts are the best wave of every class, the second best wave of all, the wave of the largest eigenvalue, and
+    the best direction of the limit k → 0.
+    """
     xp, dim, real = namespace(blocks), offsets.shape[1], blocks.dtype
     grid, compass = zone.grid.astype(real), directions(dim).astype(real)
     values = on_grid(blocks, offsets, list(zone.axes)).reshape(blocks.shape[1], -1)[:, zone.places]
@@ -65,9 +73,9 @@ def _screen(blocks: Float[Any, "offsets p"], offsets: np.ndarray, zone: Zone) ->
 def search(
     blocks: Float[Any, "states offsets p"], count: Any, offsets: np.ndarray, zone: Zone, group: int | None = None
 ) -> Found:
-    """Search the zone of the first `count` states in one program; the rest is padding, whose result means nothing.
+    """Search the Brillouin zone for the first `count` states in one program. The results of the other states are unset.
 
-    blocks: the cosine series of every state in units of M/h² (`packed`); group: how many states climb together.
+    `blocks` holds the cosine series of every state in units of M/h² (`packed`). `group` states climb in one batch.
     """
     states, dim, real = blocks.shape[0], offsets.shape[1], blocks.dtype
     group = math.gcd(states, group or GROUP[dim])
@@ -83,15 +91,15 @@ def search(
 
 
 def search_few(blocks: np.ndarray, offsets: np.ndarray, zone: Zone) -> Found:
-    """`search` of a few states in NumPy, which compiles nothing."""
-    with np.errstate(all="ignore"):  # what is not finite loses every comparison
+    """`search` for a few states in NumPy, which compiles nothing."""
+    with np.errstate(all="ignore"):  # Values that are not finite lose every comparison.
         each = [_screen(state, offsets, zone) for state in blocks]
         starts, at, scale = (np.stack(parts) for parts in zip(*each, strict=True))
         return _climbed(blocks, (starts, at, scale), offsets, zone)
 
 
 def _screened(blocks: Float[Any, "states offsets p"], count: Any, offsets: np.ndarray, zone: Zone) -> tuple:
-    """`_screen` of the first `count` states, one after the other."""
+    """`_screen` of the first `count` states, one after another."""
     (states, _, size), dim, lanes = blocks.shape, offsets.shape[1], len(zone.members) + 3
 
     def one(i, made):
@@ -102,12 +110,12 @@ def _screened(blocks: Float[Any, "states offsets p"], count: Any, offsets: np.nd
 
 
 def _climbed(blocks: Any, screened: tuple, offsets: np.ndarray, zone: Zone) -> Found:
-    """The best of the starts of each state and of where they climb to, all in one batch."""
+    """Let all starts climb in one batch, and return for each state the best of the starts and of their maxima."""
     starts, at, scale = screened
     xp, (states, lanes, dim), real = namespace(blocks), starts.shape, blocks.dtype
     bare, long = np.arange(lanes) == lanes - 2, np.arange(lanes) == lanes - 1
     _, place = upper(dim)
-    finite = xp.isfinite(at).all(axis=-1)  # NumPy's eigh refuses NaN
+    finite = xp.isfinite(at).all(axis=-1)  # NumPy's eigh raises an error for NaN.
     values, vectors = xp.linalg.eigh(xp.where(finite[..., None], at, 0)[..., place])
     kappa2 = xp.where(bare, 1.0, xp.where(long[:, None], starts**2, 4 * xp.sin(starts / 2) ** 2).sum(axis=-1))
     at_start = xp.where(finite, values[..., -1] / kappa2, -xp.inf)
@@ -126,20 +134,20 @@ def _pick(condition, if_true: Phases, if_false: Phases) -> Phases:
 
 
 def _frozen_angles(phases: Phases) -> Phases:
-    """The angles k·ξ are fixed numbers; only κ² [1/length²] still knows the spacing."""
+    """Stop the derivatives of the angles k·ξ in the spacing. Only κ² [1/length²] depends on the spacing."""
     c, s, even = jax.lax.stop_gradient(phases[:3])
     return Phases(c, s, even, phases.kappa2)
 
 
 def _phases_at(family: LatticeFamily, x: Array, is_long: Array) -> Phases:
-    """Phases of the wave vector x/h, or of the limit k → 0 along x."""
+    """Phases of the wave vector x/h, or of the limit k → 0 along x if `is_long` is True."""
     return _pick(is_long, long_wave_phases(family, x), wave_phases(family, x / family.spacing))
 
 
 def symbol(
     model: AbstractModel, family: LatticeFamily, F: Float[Array, "dim dim"], zone: Zone, at=None, fastest: bool = True
 ) -> Outcome:
-    """The exact test: see the module. `fastest`: also find the largest eigenvalue, which unstable states report."""
+    """The criterion "symbol". If `fastest` is True, an unstable state reports its largest eigenvalue."""
     tangent = homogeneous_tangent(model, family, F)
     M = modulus_at_rest(model, family)
     if not model.hyperelastic:
@@ -161,7 +169,7 @@ def symbol(
         growth = shape @ tangent(_frozen_angles(wave_phases(family, y / family.spacing))) @ shape
         eigenvalue, k = jnp.where(unstable, growth, eigenvalue), jnp.where(unstable, y, k)
         x, mode = jnp.where(unstable, y, x), jnp.where(unstable, shape, mode)
-    k = k - 2 * jnp.pi * jnp.round(k / (2 * jnp.pi))  # climbs may end in the next zone: the same wave
+    k = k - 2 * jnp.pi * jnp.round(k / (2 * jnp.pi))  # A climb can end in a neighbouring zone, at the same wave.
     return Outcome(margin, eigenvalue, mode, k / family.spacing, x / jnp.linalg.norm(x), scale, at)
 
 
@@ -184,7 +192,7 @@ def _by_growth(tangent, M: Array, family: LatticeFamily, zone: Zone, at) -> Outc
 
 
 def _acoustic_forms(fourth: Float[Array, "dim dim dim dim"], N: Float[Array, "*lanes dim"]) -> Forms:
-    """−(N·A·N) over |N|², with derivatives; A (i, J, k, L) is made symmetric in J, L and in i, k."""
+    """−(N·A·N) / |N|² with derivatives. A (i, J, k, L) is made symmetric in J, L and in i, k."""
     A = (fourth + fourth.transpose(0, 3, 2, 1)) / 2
     A = -((A + A.transpose(2, 1, 0, 3)) / 2).transpose(1, 3, 0, 2)
     first = jnp.einsum("abij,...b->...aij", A, N)
@@ -217,10 +225,10 @@ def _acoustic(fourth: Float[Array, "dim dim dim dim"], model, family, at) -> Out
 
 
 def affine(model: AbstractModel, family: LatticeFamily, F: Float[Array, "dim dim"], at=None) -> Outcome:
-    """Strong ellipticity of the energy of affine maps W(F); the eigenvalue is −(acoustic tensor) [pressure]."""
+    """Strong ellipticity of the energy of affine maps W(F). The eigenvalue is that of −(acoustic tensor) [pressure]."""
     return _acoustic(jax.jacfwd(lambda G: affine_stress(model, family, G))(F), model, family, at)
 
 
 def local(model: AbstractModel, family: LatticeFamily, F: Float[Array, "dim dim"], at=None) -> Outcome:
-    """Strong ellipticity of the classical law ψ(F); the eigenvalue is −(acoustic tensor) [pressure]."""
+    """Strong ellipticity of the classical law ψ(F). The eigenvalue is that of −(acoustic tensor) [pressure]."""
     return _acoustic(jax.hessian(model.local_energy)(F), model, family, at)

@@ -1,14 +1,16 @@
-"""The analytic forms of Behzadinasab & Foster, as printed and, where a slip is proved, corrected.
+"""Closed-form results of Behzadinasab & Foster, as printed and, where an error is proved, corrected.
 
-A function with a keyword `form` knows both; what differs between them is listed in `SLIPS`. The rooms:
+Some formulas of the paper contain an error (a "slip"). `SLIPS` lists these slips, S1 to S15. A function with an
+argument `form` gives both versions: `form="printed"` is the formula of the paper, `form="corrected"` is the exact one.
+"Derived here" and "ours" mark a formula that the paper does not contain.
 
     continuum        Γ(m), m_cr, the diagonal of the Jacobian and dT·dY as h → 0 at fixed horizon
     one_dimension    the discrete 1D diagonal, criterion and critical load; the plane wave; the singular and clamped bar
-    local_bar        ours: the nonlinear local solution of a bar under uniform stress, for any law
+    local_bar        the nonlinear local solution of a bar under uniform stress, for any law (derived here)
     two_dimensions   the discrete 2D chain: lattice sums, diagonal, criteria, critical loads, slip by slip
     homogeneous      the Jacobian entry, force state and strain of any homogeneous deformation, exactly
     silling          the Jacobian entry of the original correspondence model
-    lattice          ours: exact hydrostatic diagonal in 1D to 3D, symbol at the half-reciprocal points
+    lattice          the exact hydrostatic diagonal in 1D to 3D, and the symbol at the half-reciprocal points (ours)
 
 Source: M. Behzadinasab and J. T. Foster, On the stability of the generalized, finite deformation
 correspondence model of peridynamics.

@@ -1,9 +1,10 @@
-"""The bar of the classical (local) theory: uniform stress, whatever the law and its profile.
+"""A bar of the classical (local) theory under uniform stress, for any law and any profile of the modulus.
 
-    P(1 + e) = σ / c(x),   P = ∂ψ/∂F,   u(x) = ∫₀ˣ e dx,      c = E/E₀ the modulus' profile
+    P(1 + e) = σ / c(x),   P = ∂ψ/∂F,   u(x) = ∫₀ˣ e dx,      c = E/E₀ the profile of the modulus
 
-The branch is the one that leaves rest: it ends where P has an extremum (St. Venant–Kirchhoff in compression: e =
-1/√3 − 1, P = −0.192 E₀; Hencky in tension: 1 + e = e, P = E₀/e), and beyond it there is no solution: NaN.
+The solution is the branch that starts at the undeformed state. This branch ends where P has an extremum. For the St.
+Venant–Kirchhoff law in compression that is e = 1/√3 − 1, P = −0.192 E₀. For the Hencky law in tension it is 1 + e = e
+(Euler's number), P = E₀/e. Beyond the end there is no solution, and the result is NaN.
 """
 
 from typing import Any
@@ -19,12 +20,12 @@ from ...models.base import AbstractModel
 
 
 def uniaxial_piola(model: AbstractModel, e) -> Float[Array, ""]:
-    """P(1 + e) of a 1D model's classical law [pressure]."""
+    """P(1 + e) of the classical law of a 1D model [pressure]."""
     return jax.grad(lambda F: model.local_energy(F.reshape(1, 1)))(jnp.asarray(1.0 + e))
 
 
 def _branch_end(model: AbstractModel, side) -> Float[Array, ""]:
-    """The strain at which P first turns on one side of rest (or the end of the range searched, −0.99 or 100)."""
+    """The strain at which dP/de first vanishes on one side of rest; if none, the end of the range, −0.99 or 100."""
     low, high = -np.geomspace(1e-4, 0.99, 600), np.geomspace(1e-4, 100.0, 600)
     e = jnp.where(side < 0, low, high)
     turned = jax.vmap(jax.grad(lambda x: uniaxial_piola(model, x)))(e) <= 0
@@ -43,10 +44,28 @@ def _branch_end(model: AbstractModel, side) -> Float[Array, ""]:
 
 @eqx.filter_jit
 def local_strain_of_stress(model: AbstractModel, stress) -> Float[Array, "..."]:
-    """e with P(1 + e) = stress, in 1D, on the branch from rest; NaN where there is none.
+    """Compute the strain e of a 1D classical law under a given stress: P(1 + e) = stress.
 
-    Arguments: model with a classical law, scalar constants; stress (...) [pressure].
-    Returns: (...) [-], with exact first derivatives in stress and model.
+    Parameters
+    ----------
+    model : AbstractModel
+        A model with a classical law and scalar constants.
+    stress : array, shape (...)
+        First Piola–Kirchhoff stress [pressure].
+
+    Returns
+    -------
+    array, shape (...)
+        e [-] on the branch that starts at rest; NaN where that branch does not reach the stress. The first derivatives
+        with respect to the stress and the model are exact.
+
+    Examples
+    --------
+    St. Venant–Kirchhoff with E₀ = 1: P = (1 + e)(e + e²/2), which is 0.1155 at e = 0.1.
+
+    >>> model = pd.SethHill(1.0, pd.LinearElastic(1.0, 0.0))
+    >>> round(float(pd.closed_forms.local_strain_of_stress(model, 0.1155)), 6)
+    0.1
     """
     stress = jnp.asarray(stress, dtype=float)
     quiet: Any = jax.lax.stop_gradient(model)
@@ -67,7 +86,8 @@ def local_strain_of_stress(model: AbstractModel, stress) -> Float[Array, "..."]:
             throw=False,
         )
         e = jnp.where(reachable & (frozen != 0), found.value * end, 0.0)
-        for _ in range(3):  # Newton from the root: polished to rounding, and the implicit function theorem
+        # Newton steps improve the root to rounding. They also give the derivatives of the implicit function theorem.
+        for _ in range(3):
             slope = jax.grad(lambda x: uniaxial_piola(quiet, x))(jax.lax.stop_gradient(e))
             e = e - (uniaxial_piola(model, e) - target) / slope
         return jnp.where(reachable, e, jnp.nan)
@@ -77,12 +97,44 @@ def local_strain_of_stress(model: AbstractModel, stress) -> Float[Array, "..."]:
 
 @eqx.filter_jit
 def singular_bar_local(model: AbstractModel, x, length, stress, alpha=10.0) -> tuple[Array, Array]:
-    """Nonlinear local solution of the singular bar: displacement [length] and strain [-] at x.
+    """Compute the nonlinear local solution of the singular bar: displacement and strain at x.
 
-    Arguments: model of modulus E₀ in 1D; x (points,) [length] from the fixed end, increasing; stress σ [pressure].
-    Returns: (points,) each. Strain is NaN where no local solution exists; the displacement then takes the strain at the
-        end of its branch there, over a region next to L/2 of width below (5σ/0.19E₀)² L.
-    Source: the profile of Breitenfeld et al. 2014 as in section 5.1; the nonlinear solution is ours.
+    P(1 + e) = σ E₀/E(x),   E₀/E(x) = 1 + α/(2√(x/L − ½)) beyond L/2, 1 before,   u(x) = ∫₀ˣ e dx
+
+    Parameters
+    ----------
+    model : AbstractModel
+        A 1D model of modulus E₀ with a classical law.
+    x : array, shape (points,)
+        Positions from the fixed end [length], increasing.
+    length : float
+        L [length].
+    stress : float
+        σ [pressure].
+    alpha : float
+        α of the profile of the modulus [-].
+
+    Returns
+    -------
+    u : array, shape (points,)
+        Displacement [length].
+    e : array, shape (points,)
+        Strain [-], NaN where no local solution exists.
+
+    Notes ----- Where no local solution exists, the displacement uses the strain at the end of the branch. This region
+    lies next to L/2 and is narrower than (5σ/0.19E₀)² L.
+
+    References ---------- The profile of Breitenfeld et al. 2014, as in section 5.1 of Behzadinasab & Foster. The
+    nonlinear solution is derived here.
+
+    Examples
+    --------
+    Before L/2 the strain is uniform, here 0.1 (see `local_strain_of_stress`), and u = 0.1 x.
+
+    >>> model = pd.SethHill(1.0, pd.LinearElastic(1.0, 0.0))
+    >>> u, e = pd.closed_forms.singular_bar_local(model, np.array([0.25]), 1.0, 0.1155)
+    >>> round(float(u[0]), 6)
+    0.025
     """
     x = jnp.asarray(x, dtype=float)
     square = jnp.maximum(x / length - 0.5, 0.0)  # t²
@@ -90,7 +142,8 @@ def singular_bar_local(model: AbstractModel, x, length, stress, alpha=10.0) -> t
     softness = 1 + alpha / (2 * jnp.sqrt(jnp.where(beyond, square, 1.0)))
     end = _branch_end(jax.lax.stop_gradient(model), stress)
 
-    # ∫ e dx = ∫ 2 t e dt panel by panel, from point to point; the first one from 0 in y, t = t₁ y³, for e grows there
+    # ∫ e dx = ∫ 2 t e dt, one panel between two points. The first panel starts at t = 0, where e grows fast;
+    # there the variable of the quadrature is y with t = t₁ y³.
     t = jnp.sqrt(square)
     before = jnp.concatenate([jnp.zeros(1), t[:-1]])
     first = beyond & (before == 0)
@@ -104,7 +157,8 @@ def singular_bar_local(model: AbstractModel, x, length, stress, alpha=10.0) -> t
     places = jnp.concatenate([panels.reshape(-1), opening])
     soft = jnp.concatenate([1 + alpha / (2 * places), jnp.where(beyond, softness, 1.0), jnp.ones(1)])
     found = local_strain_of_stress(model, stress * soft)
-    e = jnp.where(jnp.isnan(found[: len(places)]), end, found[: len(places)])  # none there: the end of the branch
+    # Where no solution exists, the displacement uses the strain at the end of the branch.
+    e = jnp.where(jnp.isnan(found[: len(places)]), end, found[: len(places)])
     panel = (share / 2 * 2 * panels * e[: panels.size].reshape(panels.shape)).sum(axis=1) * width
     first_panel = jnp.sum(weight / 2 * 6 * y**2 * opening * e[panels.size :]) * start
     grown = jnp.cumsum(jnp.where(first, first_panel, panel)) * length

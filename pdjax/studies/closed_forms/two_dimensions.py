@@ -1,6 +1,6 @@
-"""The 2D analytic chain for hydrostatic load, printed and corrected, slip by slip (see `SLIPS`).
+"""The 2D derivation for a hydrostatic load, printed and corrected, slip by slip (see `SLIPS`).
 
-Every version of the diagonal, for S = κE under x = (1 + a) X, constant influence, is
+Every version of the diagonal, for S = κE under x = (1 + a) X and a constant influence, has the form
 
     ∂f_k/∂x_l = −κ (σ r/(M² h²)) (1+a)^{4m−2} [1 + q (1 − (1+a)^{−2m})] δ_kl,   q = 2gM/r
 
@@ -10,10 +10,11 @@ Every version of the diagonal, for S = κE under x = (1 + a) X, constant influen
                                                     5 becoming a ratio of finite sums with S2
     g  from the stress term        printed 2 (1/m)  S4: 1 (1/(2m))
 
-so that the critical load is (1 + a)^{2m} = q/(1 + q). σ drops out of it: with the law "bulk", S2 matters
-only by counting the bonds. The fully corrected form is the exact discrete diagonal of a square lattice.
+so that the critical load is (1 + a)^{2m} = q/(1 + q). It does not depend on σ. With the law "bulk", the correction S2
+therefore acts only through the number of bonds. The form with all corrections is the exact discrete diagonal of a
+square lattice.
 
-Symbols: p bonds over the spacing h, N = δ/h, κ twice the 2D bulk modulus, d = 2.
+Symbols: p are the bonds over the spacing h, N = δ/h, κ is twice the 2D bulk modulus, d = 2.
 Source: Behzadinasab & Foster, section 4.2 and appendices A to C.
 """
 
@@ -32,7 +33,19 @@ LAWS = ("bulk", "symmetric")
 
 
 class LatticeSums(NamedTuple):
-    """Sums `sij` = Σ p₁^i p₂^j/|p|^{i+j+2} over a family [-]."""
+    """Six sums over a 2D family: `sij` = Σ p₁^i p₂^j/|p|^{i+j+2}.
+
+    Attributes
+    ----------
+    s00, s20, s40, s22, s60, s42 : float
+        The sums [-].
+
+    Examples
+    --------
+    >>> sums = pd.closed_forms.lattice_sums_2d(1)
+    >>> sums.s00, sums.s20
+    (4.0, 2.0)
+    """
 
     s00: Any  # Σ 1/|p|²
     s20: Any  # Σ p₁²/|p|⁴
@@ -43,12 +56,38 @@ class LatticeSums(NamedTuple):
 
 
 def lattice_sums_2d(N, form="corrected"):
-    """The six sums over a 2D family: printed (first ring and an integral) or the finite sums (S2).
+    """Compute the six sums Σ p₁^i p₂^j/|p|^{i+j+2} over a 2D family.
 
-    Printed: 8 + 2π ln N, 4 + π ln N, 4 + ¾π ln N, ¼π ln N, 4 + ⅝π ln N, ⅛π ln N.
+    The paper replaces them by the first ring of neighbours and an integral: 8 + 2π ln N, 4 + π ln N, 4 + ¾π ln N, ¼π ln
+    N, 4 + ⅝π ln N, ⅛π ln N. The corrected form computes the finite sums (slip S2).
 
-    Arguments: N horizon over spacing [-]; form. Returns: `LatticeSums` [-]; over h² and times b they are
-    the paper's. Raises: ValueError for N, form. Source: the displays after eqn:2Ddfs.
+    Parameters
+    ----------
+    N : float
+        Horizon over spacing [-].
+    form : {"corrected", "printed"}
+        Which version.
+
+    Returns
+    -------
+    LatticeSums
+        The sums [-]. Divided by h² and multiplied by the thickness b they are those of the paper.
+
+    Raises
+    ------
+    ValueError
+        If N is not a number ≥ 1, or form is none of the values above.
+
+    References
+    ----------
+    Behzadinasab & Foster, the displays after eqn:2Ddfs.
+
+    Examples
+    --------
+    For N = 1 there are four bonds with |p| = 1, so that Σ 1/|p|² = 4. The printed form gives 8.
+
+    >>> pd.closed_forms.lattice_sums_2d(1).s00, pd.closed_forms.lattice_sums_2d(1, "printed").s00
+    (4.0, 8.0)
     """
     N = check_ratio(N)
     if not corrected_slips(form, ("S2",)):
@@ -61,13 +100,37 @@ def lattice_sums_2d(N, form="corrected"):
 
 
 def inverse_shape_tensor(dim, weighted_volume):
-    """L⁻¹ of an isotropic family: (d(d+2)/V_ω) [½ I_sym − δδ/(2(d+2))].
+    """Compute L⁻¹ of an isotropic family: (d(d+2)/V_ω) [½ I_sym − δδ/(2(d+2))].
 
     In 2D it is (2δ_kmδ_ln + 2δ_knδ_lm − δ_klδ_mn)/V_ω.
 
-    Arguments: dim 1, 2 or 3; weighted_volume V_ω = ∫ ω dξ [length^d]. Returns: (dim, dim, dim, dim)
-    [1/length^d]. Raises: ValueError for dim. Source: appendix A (2D); L⁻¹ : I = (d/V_ω) I in sections 3.2.1
-    for 1D to 3D.
+    Parameters
+    ----------
+    dim : {1, 2, 3}
+        Dimension d.
+    weighted_volume : float
+        V_ω = ∫ ω dξ [length^dim].
+
+    Returns
+    -------
+    array, shape (dim, dim, dim, dim)
+        L⁻¹ [1/length^dim].
+
+    Raises
+    ------
+    ValueError
+        If dim is not 1, 2 or 3.
+
+    References
+    ----------
+    Behzadinasab & Foster, appendix A (2D); L⁻¹ : I = (d/V_ω) I in section 3.2.1 for 1D to 3D.
+
+    Examples
+    --------
+    The component 1111 in 2D is 2 + 2 − 1.
+
+    >>> float(pd.closed_forms.inverse_shape_tensor(2, weighted_volume=1.0)[0, 0, 0, 0])
+    3.0
     """
     dim = check_dim(dim)
     one = np.eye(dim)
@@ -77,21 +140,75 @@ def inverse_shape_tensor(dim, weighted_volume):
 
 
 def index_tensor_2d():
-    """γ_ijklrs: 1 where four indices agree and two take the other value; δ_ij δ_rs γ_ijklrs = 3 δ_kl.
+    """Return the tensor γ_ijklrs: 1 where four indices agree and the other two have the other value, else 0.
 
-    Returns: (2, 2, 2, 2, 2, 2) [-]. Source: eqn:gamma.
+    It satisfies δ_ij δ_rs γ_ijklrs = 3 δ_kl.
+
+    Returns
+    -------
+    array, shape (2, 2, 2, 2, 2, 2)
+        γ [-].
+
+    References
+    ----------
+    Behzadinasab & Foster, eqn:gamma.
+
+    Examples
+    --------
+    Six indices can be chosen four at a time in 15 ways, and the two values can be swapped.
+
+    >>> int(pd.closed_forms.index_tensor_2d().sum())
+    30
     """
     ones = np.indices((2,) * 6).sum(axis=0)
     return jnp.asarray(((ones == 2) | (ones == 4)).astype(float))
 
 
 def jacobian_2d_uniform(F, m, N, stress, tangent, spacing=1.0, form="corrected"):
-    """∂f_k/∂x_l of the moved point itself, in x = F X, as finite sums with the *isotropic* L⁻¹ of appendix A.
+    """Compute ∂f_k/∂x_l of the moved point itself under x = F X, with the isotropic L⁻¹ of appendix A.
 
-    Printed: V_ω/V = πN; corrected πN² (S1). Neither is the lattice's own: `jacobian_entry` at η = 0 is.
+    The sums over the bonds are the finite ones. The printed weighted volume is V_ω/V = πN; the corrected one is πN²
+    (slip S1). Neither is that of the lattice. `jacobian_entry` at η = 0 is exact.
 
-    Arguments: F (2, 2) [-]; m () [-]; N; stress S (2, 2) and tangent dS/dE (2, 2, 2, 2) [pressure]; spacing
-    h [length]; form. Returns: (2, 2) [pressure/length²]. Raises: ValueError for N, form. Source: eqn:2Ddf.
+    Parameters
+    ----------
+    F : array, shape (2, 2)
+        Deformation gradient [-].
+    m : float
+        Order of the Seth–Hill strain [-].
+    N : float
+        Horizon over spacing [-].
+    stress : array, shape (2, 2)
+        S [pressure].
+    tangent : array, shape (2, 2, 2, 2)
+        dS/dE [pressure].
+    spacing : float
+        h [length].
+    form : {"corrected", "printed"}
+        Which version.
+
+    Returns
+    -------
+    array, shape (2, 2)
+        ∂f_k/∂x_l [pressure/length²].
+
+    Raises
+    ------
+    ValueError
+        If N is not a number ≥ 1, or form is none of the values above.
+
+    References
+    ----------
+    Behzadinasab & Foster, eqn:2Ddf.
+
+    Examples
+    --------
+    N = 1 at rest with dS/dE = δδ: the sum over the four bonds is 8 I, and the diagonal is −8/π².
+
+    >>> tangent = np.einsum("ij,kl->ijkl", np.eye(2), np.eye(2))
+    >>> entry = pd.closed_forms.jacobian_2d_uniform(np.eye(2), 1.0, 1, np.zeros((2, 2)), tangent)
+    >>> round(float(entry[0, 0]), 4)
+    -0.8106
     """
     volume = np.pi * check_ratio(N) * (N if corrected_slips(form, ("S1",)) else 1)
     p = jnp.asarray(lattice_bonds(2, N))
@@ -108,10 +225,47 @@ def jacobian_2d_uniform(F, m, N, stress, tangent, spacing=1.0, form="corrected")
 
 
 def jacobian_2d_hydrostatic(a, m, N, stress, tangent, spacing=1.0, form="corrected"):
-    """∂f_k/∂x_l of the moved point itself, x = (1 + a) X, by the six lattice sums and the isotropic L⁻¹.
+    """Compute ∂f_k/∂x_l of the moved point itself under x = (1 + a) X, from the six lattice sums and the isotropic L⁻¹.
 
-    Arguments: a, m () [-]; others as `jacobian_2d_uniform`; form may name slips out of S1, S2.
-    Returns: (2, 2) [pressure/length²]. Raises: ValueError for a, N, form. Source: eqn:2Ddfss, appendix B.
+    Parameters
+    ----------
+    a : float
+        Hydrostatic strain [-], above −1.
+    m : float
+        Order of the Seth–Hill strain [-].
+    N : float
+        Horizon over spacing [-].
+    stress : array, shape (2, 2)
+        S [pressure].
+    tangent : array, shape (2, 2, 2, 2)
+        dS/dE [pressure].
+    spacing : float
+        h [length].
+    form : {"corrected", "printed"} or collection of str
+        Which version, or the slips to correct out of S1, S2.
+
+    Returns
+    -------
+    array, shape (2, 2)
+        ∂f_k/∂x_l [pressure/length²].
+
+    Raises
+    ------
+    ValueError
+        If a ≤ −1, N is not a number ≥ 1, or form is none of the values above.
+
+    References
+    ----------
+    Behzadinasab & Foster, eqn:2Ddfss, appendix B.
+
+    Examples
+    --------
+    The value of `jacobian_2d_uniform` at rest, −8/π².
+
+    >>> tangent = np.einsum("ij,kl->ijkl", np.eye(2), np.eye(2))
+    >>> entry = pd.closed_forms.jacobian_2d_hydrostatic(0.0, 1.0, 1, np.zeros((2, 2)), tangent)
+    >>> round(float(entry[0, 0]), 4)
+    -0.8106
     """
     a = check_load(a)
     slips = corrected_slips(form, ("S1", "S2"))
@@ -139,14 +293,14 @@ def jacobian_2d_hydrostatic(a, m, N, stress, tangent, spacing=1.0, form="correct
 
 
 def _even_tensor(order, pure, mixed):
-    """A moment tensor: `pure` where all indices agree, `mixed` where both values occur evenly often."""
+    """A moment tensor: `pure` where all indices agree, `mixed` where each value occurs an even number of times."""
     ones = np.indices((2,) * order).sum(axis=0)
     agree = (ones == 0) | (ones == order)
     return jnp.asarray(np.where(agree, pure, np.where(ones % 2 == 0, mixed, 0.0)))
 
 
 def _coefficients(N, slips, law):
-    """(σ, M, r, g) of the module's head."""
+    """(σ, M, r, g), as the module's docstring defines them."""
     if law not in LAWS:
         raise ValueError(f"law must be one of {', '.join(LAWS)}; got {law!r}")
     N = check_ratio(N)
@@ -162,13 +316,46 @@ def _coefficients(N, slips, law):
 
 
 def bracket_2d(a, m, N, form="corrected", law="bulk"):
-    """1 + q (1 − (1+a)^{−2m}), q = 2gM/r: the sign that decides the 2D diagonal; positive is stable.
+    """Compute 1 + q (1 − (1+a)^{−2m}), q = 2gM/r, whose sign decides the 2D diagonal; positive is stable.
 
-    Printed q = 2πN, and at m = 0 the branch 1 + 2πN log(1 + a), which is not the limit 1 (S14).
+    M, r and g depend on the corrected slips; see `help(pd.closed_forms.two_dimensions)`. With all of them q = 2M/r. The
+    printed form has q = 2πN. At m = 0 it has the branch 1 + 2πN log(1 + a), which is not the limit, 1 (slip S14).
 
-    Arguments: a, m (...) [-]; N; form "printed", "corrected" or the slips to correct, out of S1 S2 S3 S4
-    S13 S14; law "bulk" (dS/dE = κ/2 δδ) or "symmetric" (κ I_sym), seen with S3. Returns: (...) [-]. Raises:
-    ValueError for a, N, form, law. Source: the criteria after eqn:hydro2De.
+    Parameters
+    ----------
+    a : array, shape (...)
+        Hydrostatic strain [-], above −1.
+    m : array, shape (...)
+        Order of the Seth–Hill strain [-].
+    N : float
+        Horizon over spacing [-].
+    form : {"corrected", "printed"} or collection of str
+        Which version: the exact one, the printed one, or the printed one with these slips corrected, out of S1, S2, S3,
+        S4, S13, S14.
+    law : {"bulk", "symmetric"}
+        The law with S = κE under a hydrostatic load: dS/dE = (κ/2) δδ or κ I_sym. It matters only where S3 is
+        corrected.
+
+    Returns
+    -------
+    array, shape (...)
+        The bracket [-].
+
+    Raises
+    ------
+    ValueError
+        If a ≤ −1, N is not a number ≥ 1, or form or law is none of the values above.
+
+    References
+    ----------
+    Behzadinasab & Foster, the criteria after eqn:hydro2De.
+
+    Examples
+    --------
+    For N = 3 a point has 28 bonds and q = 56. With m = 1 and (1 + a)² = 1/2 the bracket is 1 − 56.
+
+    >>> round(float(pd.closed_forms.bracket_2d(0.5**0.5 - 1, 1.0, 3)), 6)
+    -55.0
     """
     a, slips = check_load(a), corrected_slips(form, KNOWN)
     _, volume, ratio, factor = _coefficients(N, slips, law)
@@ -178,21 +365,96 @@ def bracket_2d(a, m, N, form="corrected", law="bulk"):
 
 
 def satisfies_criterion_2d(a, m, N, form="corrected", law="bulk"):
-    """Whether the criterion calls the load not unstable: bracket > 0; as printed (without S13), bracket < 0.
+    """Return whether the 2D criterion admits the load: the bracket of `bracket_2d` is positive.
 
-    Arguments, raises and source: as `bracket_2d`. Returns: (...) bool.
+    Without the correction S13 the printed criterion demands a negative bracket.
+
+    Parameters
+    ----------
+    a : array, shape (...)
+        Hydrostatic strain [-], above −1.
+    m : array, shape (...)
+        Order of the Seth–Hill strain [-].
+    N : float
+        Horizon over spacing [-].
+    form : {"corrected", "printed"} or collection of str
+        Which version: the exact one, the printed one, or the printed one with these slips corrected, out of S1, S2, S3,
+        S4, S13, S14.
+    law : {"bulk", "symmetric"}
+        The law with S = κE under a hydrostatic load: dS/dE = (κ/2) δδ or κ I_sym. It matters only where S3 is
+        corrected.
+
+    Returns
+    -------
+    array of bool, shape (...)
+        False where the criterion calls the load unstable.
+
+    Raises
+    ------
+    ValueError
+        If a ≤ −1, N is not a number ≥ 1, or form or law is none of the values above.
+
+    References
+    ----------
+    Behzadinasab & Foster, the criteria after eqn:hydro2De.
+
+    Examples
+    --------
+    The printed criterion rejects the body at rest.
+
+    >>> bool(pd.closed_forms.satisfies_criterion_2d(0.0, 1.0, 3))
+    True
+    >>> bool(pd.closed_forms.satisfies_criterion_2d(0.0, 1.0, 3, form="printed"))
+    False
     """
     bracket = bracket_2d(a, m, N, form, law)
     return bracket > 0 if "S13" in corrected_slips(form, KNOWN) else bracket < 0
 
 
 def diagonal_2d(a, m, N, modulus=1.0, spacing=1.0, form="corrected", law="bulk"):
-    """∂f_k/∂x_k = −κ (σ r/(M²h²)) (1+a)^{4m−2} × `bracket_2d`, both eigenvalues of the 2D diagonal block.
+    """Compute ∂f_k/∂x_k = −κ (σ r/(M²h²)) (1+a)^{4m−2} × `bracket_2d`, both eigenvalues of the 2D diagonal block.
 
-    Printed: −4(4 + π ln N)/(π²N²h²) κ (1+a)^{4m−2} [1 + 2πN(1 − (1+a)^{−2m})].
+    The paper prints −4(4 + π ln N)/(π²N²h²) κ (1+a)^{4m−2} [1 + 2πN(1 − (1+a)^{−2m})].
 
-    Arguments: modulus κ, twice the 2D bulk modulus [pressure]; spacing h [length]; others as `bracket_2d`.
-    Returns: (...) [pressure/length²]. Raises: ValueError for a, N, form, law. Source: appendix C.
+    Parameters
+    ----------
+    a : array, shape (...)
+        Hydrostatic strain [-], above −1.
+    m : array, shape (...)
+        Order of the Seth–Hill strain [-].
+    N : float
+        Horizon over spacing [-].
+    modulus : float
+        κ, twice the 2D bulk modulus [pressure].
+    spacing : float
+        h [length].
+    form : {"corrected", "printed"} or collection of str
+        Which version: the exact one, the printed one, or the printed one with these slips corrected, out of S1, S2, S3,
+        S4, S13, S14.
+    law : {"bulk", "symmetric"}
+        The law with S = κE under a hydrostatic load: dS/dE = (κ/2) δδ or κ I_sym. It matters only where S3 is
+        corrected.
+
+    Returns
+    -------
+    array, shape (...)
+        ∂f_k/∂x_k [pressure/length²]. A positive value proves instability.
+
+    Raises
+    ------
+    ValueError
+        If a ≤ −1, N is not a number ≥ 1, or form or law is none of the values above.
+
+    References
+    ----------
+    Behzadinasab & Foster, appendix C.
+
+    Examples
+    --------
+    N = 1 at rest: σ = M = 4 and r = 1, so that the diagonal is −4/16.
+
+    >>> float(pd.closed_forms.diagonal_2d(0.0, 1.0, 1))
+    -0.25
     """
     a = check_load(a)
     sigma, volume, ratio, _ = _coefficients(N, corrected_slips(form, KNOWN), law)
@@ -201,24 +463,80 @@ def diagonal_2d(a, m, N, modulus=1.0, spacing=1.0, form="corrected", law="bulk")
 
 
 def critical_load_2d(m, N, form="corrected", law="bulk"):
-    """The root of `bracket_2d`: log(1 + a) = −log(1 + 1/q)/(2m); unstable beyond it, away from 0.
+    """Compute the hydrostatic strain at which the 2D diagonal loses its stability: the root of `bracket_2d`.
 
-    Negative for m > 0, positive for m < 0, +inf at m = 0; the printed branch at m = 0 gives e^{−1/q} − 1
-    instead.
+    log(1 + a) = −log(1 + 1/q)/(2m)
 
-    Arguments, raises and source: as `bracket_2d`, without a. Returns: (...) [-].
+    The diagonal is unstable beyond the root, on the side away from 0. The root is negative for m > 0, positive for m <
+    0, +inf at m = 0. At m = 0 the printed branch gives e^{−1/q} − 1 instead (slip S14).
+
+    Parameters
+    ----------
+    m : array, shape (...)
+        Order of the Seth–Hill strain [-].
+    N : float
+        Horizon over spacing [-].
+    form : {"corrected", "printed"} or collection of str
+        Which version: the exact one, the printed one, or the printed one with these slips corrected, out of S1, S2, S3,
+        S4, S13, S14.
+    law : {"bulk", "symmetric"}
+        The law with S = κE under a hydrostatic load: dS/dE = (κ/2) δδ or κ I_sym. It matters only where S3 is
+        corrected.
+
+    Returns
+    -------
+    array, shape (...)
+        a_cr [-].
+
+    Raises
+    ------
+    ValueError
+        If N is not a number ≥ 1, or form or law is none of the values above.
+
+    References
+    ----------
+    Behzadinasab & Foster, the criteria after eqn:hydro2De.
+
+    Examples
+    --------
+    For N = 3, q = 2 · 28 bonds, and (1 + a)² = 56/57 for m = 1.
+
+    >>> round(float(pd.closed_forms.critical_load_2d(1.0, 3)), 5)
+    -0.00881
     """
     slips = corrected_slips(form, KNOWN)
     _, volume, ratio, factor = _coefficients(N, slips, law)
     q = 2 * factor * volume / ratio
     m = jnp.asarray(m, dtype=jnp.result_type(m, float))
-    # In terms of `edge`: z = 1/(2mq); at m = 0 there is no root.
+    # `edge` solves it with z = 1/(2mq). At m = 0 there is no root.
     z = jnp.where(m == 0, -jnp.inf, 1 / (2 * q * jnp.where(m == 0, 1.0, m)))
     return edge(z, m) if "S14" in slips else jnp.where(m == 0, jnp.expm1(-1 / q), edge(z, m))
 
 
 class Step(NamedTuple):
-    """One row of the chain: the slip corrected here, all corrected so far, q and the critical load."""
+    """One row of `chain_2d`.
+
+    Attributes
+    ----------
+    slip : str
+        The slip corrected in this row, or "printed".
+    corrected : tuple of str
+        All slips corrected so far.
+    what : str
+        The slip in words.
+    q : float
+        q of `bracket_2d` [-].
+    load : array, shape ()
+        The critical load [-].
+
+    Examples
+    --------
+    The printed criterion for N = 3 has q = 2πN = 18.85.
+
+    >>> first = pd.closed_forms.chain_2d()[0]
+    >>> first.slip, round(first.q, 2)
+    ('printed', 18.85)
+    """
 
     slip: str
     corrected: tuple[str, ...]
@@ -228,11 +546,37 @@ class Step(NamedTuple):
 
 
 def chain_2d(m=1.0, N=3, law="bulk", order: Collection[str] = ("S13", "S14", "S4", "S1", "S3", "S2")):
-    """The critical load of the 2D diagonal from the printed criterion to the exact one, one slip at a time.
+    """Compute the critical load of the 2D diagonal from the printed to the exact criterion, correcting one slip a row.
 
-    Arguments: m () [-]; N; law; order of the corrections. Returns: list of `Step`, the first with slip
-    "printed", the last exact for the lattice if all are corrected. Raises: ValueError for N, law, order.
-    Source: Remark 5 quotes −0.037 for m = 1, N = 3, which is no row of this table (S5).
+    Parameters
+    ----------
+    m : float
+        Order of the Seth–Hill strain [-].
+    N : float
+        Horizon over spacing [-].
+    law : {"bulk", "symmetric"}
+        The law with S = κE under a hydrostatic load: dS/dE = (κ/2) δδ or κ I_sym.
+    order : collection of str
+        Order of the corrections.
+
+    Returns
+    -------
+    list of Step
+        The first row is the printed criterion. The last row is exact for the lattice if all slips are corrected.
+
+    Raises
+    ------
+    ValueError
+        If N is not a number ≥ 1, or law or order is none of the values above.
+
+    References
+    ----------
+    Remark 5 of Behzadinasab & Foster quotes −0.037 for m = 1, N = 3. No row of this table has this value (slip S5).
+
+    Examples
+    --------
+    >>> [(step.slip, round(float(step.load), 3)) for step in pd.closed_forms.chain_2d()[-3:]]
+    [('S1', -0.017), ('S3', -0.009), ('S2', -0.009)]
     """
     steps: list[Step] = []
     done: tuple[str, ...] = ()

@@ -48,7 +48,7 @@ CLAIMS = (
     Claim("discretisation", "discretisation enhances stability, m = 1", "Remark 6", "of every model", "maps-2d", maps.discretisation, "pdjax critical --dim 2 --N 2 --m 1 --criterion diagonal symbol", question="Does discretisation enhance stability, of the whole Jacobian?", test=_CLAIMS + "some_side_fails_at_once_for_every_order"),
     Claim("log", "m = 0 may be stable under any hydrostatic load", "Remark 7", "in 2D and 3D", "maps-2d", maps.logarithmic, _LOADS.format(2, 0), question="Is the logarithmic model stable under hydrostatic load, in 2D and 3D, on each side?", test=_CLAIMS + "s8_the_logarithmic_model_is_not_stable_hydrostatically"),
     Claim("source", "the classical model has the trouble too, at far larger loads", "sec. 6.3", "milder", "maps-2d", maps.source, "pdjax critical --m 1 -1 --criterion local symbol"),
-    Claim("stabilise", "none of the stabilisations can address this", "sec. 6.2", "none", "maps-2d", maps.stabilised, 'pdjax atlas --dim 2 --models "Seth–Hill 1" "Seth–Hill 1 + penalty"', test="tests/infinite_lattice/test_atlas.py::test_cures_of_seth_hill"),
+    Claim("stabilise", "none of the stabilisations can address this", "sec. 6.2", "none", "maps-2d", maps.stabilised, 'pdjax atlas --dim 2 --models "Seth–Hill 1" "Seth–Hill 1 + penalty"', test="tests/infinite_lattice/test_atlas.py::test_zero_energy_controls_move_the_critical_load_of_seth_hill_to_that_of_the_law"),
     Claim("switch", "choosing m by the sign of the load is not practical", "sec. 6.2", "doubted", "maps-2d", maps.switch, "pdjax critical --path uniaxial-stress --m -1 0 1"),
     # bars
     Claim("bar_tension", "singular bar, σ/E₀ = 10⁻³, m = 1: right, no instability", "sec. 5.1", "as the local solution", "singular-bar", singular_bar.bar_tension),

@@ -1,0 +1,58 @@
+"""The backend of models made of moments whose bonds are streamed over a traversal (`streaming`), and its preparation.
+
+The sums over the reference configuration depend on few constants of a model. They are computed once for those, and
+remembered with the families.
+"""
+
+from typing import Any
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from ..._internal.checks import is_concrete
+from ..._internal.dependence import known_part
+from ..._internal.memory import remember
+from ...geometry.bonds import Families
+from ...models.pointwise import split_model
+from .backend import Backend
+from .streaming import reference_moments, reference_sums, streamed_force
+from .traversal import Traversal
+
+
+class Streamed(Backend):
+    """A traversal over the bonds of a body, and the sums over its reference configuration."""
+
+    traversal: Traversal
+    reference: Array  # (entries, flat)
+    horizon: Array
+
+    def force(self, model: Any, u: Float[Array, "points dim"], F: Array | None) -> Float[Array, "points dim"]:
+        """f of every point; see `Backend.force`."""
+        gradient = None if F is None else F - jnp.eye(u.shape[1], dtype=u.dtype)
+        split = split_model(model, len(u))
+        return streamed_force(split, self.traversal, self.reference, u, gradient, self.horizon)
+
+
+@eqx.filter_jit
+def _reference(model: Any, traversal: Traversal, horizon: Array, points: int, dim: int) -> Array:
+    return reference_sums(split_model(model, points), traversal, dim, horizon)
+
+
+def prepare_streamed(model: Any, families: Families, kind: Any) -> Streamed:
+    """The streamed backend over a traversal of a kind, `SlotTraversal` or `LatticeTraversal`."""
+    points, name = len(families), kind.__name__
+    known = is_concrete(families)
+    traversal = remember(families, ("traversal", name), lambda: kind.of(families)) if known else kind.of(families)
+
+    def sums(model: Any) -> Array:
+        return _reference(model, traversal, families.horizon, points, families.dim)
+
+    part = None
+    if known:
+        part = known_part(families, "reference", lambda m: reference_moments(m, points, families.dim), model)
+    if part is None:
+        return Streamed(traversal, sums(model), families.horizon)
+    key, there = part
+    reference = remember(families, ("reference sums", name, key), lambda: sums(there))
+    return Streamed(traversal, reference, families.horizon)
