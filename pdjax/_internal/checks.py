@@ -275,3 +275,11 @@ def written_whole(path: str | os.PathLike) -> Iterator[BinaryIO]:
     part = path.with_name(path.name + ".part")
     with moved_whole(path, part), open(part, "wb") as stream:
         yield stream
+
+
+SIDES = {"negative": -1.0, "compression": -1.0, "positive": 1.0, "tension": 1.0}
+
+
+def sign_of(side: Any) -> float:
+    """The sign of the loads of a side: −1 for "negative" or "compression", 1 for "positive" or "tension"."""
+    return SIDES[choice("side", side, list(SIDES))]

@@ -1,15 +1,20 @@
 """Values that JSON can hold."""
 
 import math
+from collections.abc import Callable
 from typing import Any
 
+import numpy as np
 
-def plain(value: Any) -> Any:
-    """JSON has no infinity or NaN: they become the strings a reader expects."""
+
+def plain(value: Any, not_finite: Callable[[float], Any] = str) -> Any:
+    """The tree of dictionaries and lists with NumPy scalars as Python's.
+
+    JSON has no infinity and no NaN: `not_finite` gives what stands in their place, by default the word.
+    """
     if isinstance(value, dict):
-        return {k: plain(v) for k, v in value.items()}
+        return {k: plain(v, not_finite) for k, v in value.items()}
     if isinstance(value, list | tuple):
-        return [plain(v) for v in value]
-    if isinstance(value, float) and not math.isfinite(value):
-        return str(value)
-    return value
+        return [plain(v, not_finite) for v in value]
+    value = value.item() if isinstance(value, np.generic) else value
+    return not_finite(value) if isinstance(value, float) and not math.isfinite(value) else value

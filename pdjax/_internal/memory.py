@@ -43,7 +43,7 @@ def _memory(owner: Any) -> OrderedDict:
     made: OrderedDict = OrderedDict()
 
     def forget(reference: weakref.ref) -> None:
-        if number in _MEMORIES and _MEMORIES[number][0] is reference:
+        if _MEMORIES and number in _MEMORIES and _MEMORIES[number][0] is reference:
             del _MEMORIES[number]
 
     _MEMORIES[number] = (weakref.ref(owner, forget), made)

@@ -14,7 +14,6 @@ Rows of another machine, of other versions or of other settings are never mixed 
 """
 
 import json
-import math
 import platform
 import sys
 import time
@@ -28,6 +27,7 @@ import jax
 import numpy as np
 
 from .._internal.checks import written_whole
+from .._internal.json_values import plain
 
 try:
     from jax import enable_x64
@@ -139,15 +139,9 @@ def hosted(work: Callable[[], Any], repeats: int = 3) -> tuple[Any, dict]:
     return result, {**row, "compile_seconds": max(first - row["seconds"], 0.0), **unknown}
 
 
-def finite_or_none(value: Any) -> Any:
-    """JSON has no NaN or infinity: they become null."""
-    if isinstance(value, dict):
-        return {k: finite_or_none(v) for k, v in value.items()}
-    if isinstance(value, list | tuple):
-        return [finite_or_none(v) for v in value]
-    if isinstance(value, float | np.floating):
-        return float(value) if math.isfinite(value) else None
-    return value.item() if isinstance(value, np.generic) else value
+def with_null(value: Any) -> Any:
+    """The value for a result file: null stands for NaN and infinity."""
+    return plain(value, lambda _: None)
 
 
 def read(file: Path) -> dict:
@@ -189,7 +183,7 @@ def flat(rows: list[dict]) -> list[dict]:
 
 def _save(record: dict, file: Path) -> None:
     with written_whole(file) as stream:
-        stream.write((json.dumps(finite_or_none(record), ensure_ascii=False, indent=1) + "\n").encode())
+        stream.write((json.dumps(with_null(record), ensure_ascii=False, indent=1) + "\n").encode())
 
 
 def _named(task: Task) -> str:
@@ -228,7 +222,7 @@ def run_case(name: str, case: Case, folder: Path, quick: bool, say: Say) -> dict
             except (ModuleNotFoundError, MemoryError, jax.errors.JaxRuntimeError) as error:
                 left_out(_named(task), error)
                 continue
-            record["rows"].append(json.loads(json.dumps(finite_or_none(row))))
+            record["rows"].append(json.loads(json.dumps(with_null(row))))
             _save(record, file)
             distance = "" if row.get("error") is None else f", error {row['error']:.2e}"
             say(f"{name}: {_named(task)}: {row['seconds']:.3g} s{distance}")

@@ -69,6 +69,9 @@ def _checked(points: Points, values: Any, u: Any) -> tuple[np.ndarray, np.ndarra
     u = np.asarray(u)
     if u.shape != X.shape:
         raise ValueError(f"u must have shape (points, dim) = {X.shape}, one displacement for each point; got {u.shape}")
+    if not np.isfinite(u).all():
+        bad = int(np.argmin(np.isfinite(u).all(axis=1)))
+        raise ValueError(f"u must be finite, to place the points; point {bad} has {u[bad]}. Leave u out to see values")
     return values.astype(float), X + u
 
 
@@ -87,7 +90,8 @@ def _layer(points: Points, cut: Any) -> tuple[np.ndarray, tuple[int, ...], str]:
     X = points.positions
     middle = (X.min(axis=0) + X.max(axis=0)) / 2
     given = (2, middle[2]) if cut is None else cut
-    if not isinstance(given, Sequence) or len(given) != 2 or given[0] not in range(3) or np.ndim(given[1]) != 0:
+    fits = isinstance(given, Sequence) and len(given) == 2 and given[0] in range(3)
+    if not fits or not isinstance(given[1], int | float | np.number):
         raise ValueError(f"cut must be (axis, coordinate) with axis 0, 1 or 2, such as (2, {middle[2]:g}); got {cut!r}")
     axis, coordinate = int(given[0]), float(given[1])
     along, half = X[:, axis], _sides(points) / 2
@@ -103,9 +107,9 @@ def _layer(points: Points, cut: Any) -> tuple[np.ndarray, tuple[int, ...], str]:
 
 
 def _limits(shown: np.ndarray) -> tuple[float, float, str]:
-    """Limits of the finite values, and whether they are "signed" (of both signs), "positive" or "uniform".
+    """Limits of the finite values, and whether they are "signed" (of both signs), of "one sign" or "uniform".
 
-    Limits of signed values are symmetric about 0. "positive" stands for values of one sign.
+    Limits of signed values are symmetric about 0.
     """
     finite = shown[np.isfinite(shown)]
     low, high = (float(finite.min()), float(finite.max())) if len(finite) else (0.0, 1.0)
@@ -113,7 +117,7 @@ def _limits(shown: np.ndarray) -> tuple[float, float, str]:
     if low < -ROUNDING * size and high > ROUNDING * size:
         return -size, size, "signed"
     if high - low > ROUNDING * size:
-        return low, high, "positive"
+        return low, high, "one sign"
     return (low - 0.05 * size, high + 0.05 * size, "uniform") if size > 0 else (-1.0, 1.0, "uniform")
 
 
@@ -238,7 +242,7 @@ def field(points: Points, values, u=None, title: str = "", label: str = "", comp
     height += (2.2 if below else 1.2) + 0.3 * masked.mask.any()
     figure = Figure(figsize=(max(width, 3.8), max(height, 2.6)), layout="constrained")
     axes = figure.subplots()
-    drawn = PolyCollection(tiles, array=masked, cmap=cmap, edgecolors="face", linewidths=0.5, rasterized=True)
+    drawn = PolyCollection(list(tiles), array=masked, cmap=cmap, edgecolors="face", linewidths=0.5, rasterized=True)
     drawn.set_clim(low, high)
     axes.add_collection(drawn)
     axes.autoscale_view()
@@ -248,8 +252,7 @@ def field(points: Points, values, u=None, title: str = "", label: str = "", comp
     if masked.mask.any():
         grey = Patch(facecolor=GREY, edgecolor="#888888", label="no value")
         figure.legend(handles=[grey], loc="outside lower center", fontsize=9, frameon=False)
-    for setter, axis in zip((axes.set_xlabel, axes.set_ylabel), across, strict=True):
-        setter(f"{XYZ[axis]}  [length]")
+    axes.set(xlabel=f"{XYZ[across[0]]}  [length]", ylabel=f"{XYZ[across[1]]}  [length]")
     axes.set_title("\n".join(word for word in (title, layer) if word), fontsize=10)
     return figure
 
@@ -278,7 +281,7 @@ def _arrows(axes: Any, X: np.ndarray, vectors: np.ndarray, cell: float, side: fl
 
 
 def _loads(scene: Scene) -> list[tuple[str, np.ndarray, str, float]]:
-    """(label, vectors (points, dim), colour, height above a bar) of what moves or pulls the body."""
+    """(label, vectors (points, dim), colour, height above a bar) of prescribed displacements and of body forces."""
     dim = scene.body.dim
     unit = "[force/length]" if dim == 1 else f"[force/length{'²³'[dim - 2]}]"
     kinds = (
@@ -286,8 +289,8 @@ def _loads(scene: Scene) -> list[tuple[str, np.ndarray, str, float]]:
         ("body force, largest {:.3g} " + unit, scene.load, SERIES[5], -0.4),
     )
     found = []
-    for words, vectors, colour, lift in kinds:
-        vectors = np.asarray(vectors, dtype=float)
+    for words, given, colour, lift in kinds:
+        vectors = np.asarray(given, dtype=float)
         largest = np.linalg.norm(vectors, axis=1).max()
         if largest > 0:
             found.append((words.format(largest), vectors, colour, lift))
@@ -325,8 +328,8 @@ def _words(scene: Scene) -> str:
 def scene(scene: Scene, title: str = "") -> Figure:
     """Draw the points, the supports and the loads of a scene.
 
-    A marker shows a point with held components. Arrows show prescribed displacements and body forces. The longest arrow
-    of each kind has the value in the legend. If many neighbouring points have an arrow, only some of them are drawn.
+    A marker shows a point with held components. Arrows show prescribed displacements and body forces. The legend
+    gives the largest value of each kind. Where arrows would be dense, only some of the points have one.
 
     Parameters
     ----------
@@ -350,7 +353,7 @@ def scene(scene: Scene, title: str = "") -> Figure:
     X, dim, sides = body.positions, body.dim, _sides(body)
     low, high = (X - sides[:, None] / 2).min(axis=0), (X + sides[:, None] / 2).max(axis=0)
     side, longest = float(np.median(sides)), float((high - low).max())
-    cell = side * max(1, round(longest / (ARROWS * side)))
+    cell = side * max(1, round(longest / (ARROWS * side)))  # side of the cubes that hold one arrow each
     supports, loads = _supports(scene), _loads(scene)
     room = cell if loads else 0.02 * longest
     low, high = low - room, high + room
@@ -392,7 +395,7 @@ def scene(scene: Scene, title: str = "") -> Figure:
         for axis, part in zip((axes.xaxis, axes.yaxis, axes.zaxis), (high - low) / (high - low).max(), strict=True):
             axis.set_major_locator(MaxNLocator(max(2, round(5 * part))))  # the labels of a short side would overlap
             axis.labelpad = 12 * part
-    place = "lower center" if dim == 3 else "outside lower center"
+    place: Any = "lower center" if dim == 3 else "outside lower center"
     figure.legend(handles=handles, loc=place, ncols=2, fontsize=9, frameon=False)
     words = (title or scene.name, _words(scene))
     axes.set_title("\n".join(word for word in words if word), fontsize=10)

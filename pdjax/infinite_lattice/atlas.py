@@ -13,7 +13,6 @@ row "law" is the classical law itself (criterion "local"): what a model that add
 """
 
 import json
-import math
 import os
 import time
 from collections.abc import Sequence
@@ -26,7 +25,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from .._internal.checks import choice, computed_in_double, writable, written_whole
+from .._internal.checks import choice, computed_in_double, sign_of, writable, written_whole
 from .._internal.progress import progress
 from .._internal.public import public_function
 from ..force.operator import force_operator
@@ -41,13 +40,13 @@ from .brillouin import brillouin_zone, largest_eigenvalue, nudge
 from .climb import climb
 from .cosine_series import Series, entries, forms, on_grid, packed, reached
 from .criteria import check_at_rest, family_zone, margin_tolerance
-from .criteria.critical_load import deformations
+from .criteria.critical_load import critical_load, deformations
 from .criteria.on_host import outcomes
 from .lattice_states import checked_states, rings, symbol
 from .paths import PATHS
 
 LAW = "law"
-BATCH, SMALLEST, AT_ONCE = 16, 1e-6, 1e-4
+BATCH, AT_ONCE = 16, 1e-4
 LIMITS = {"compression": 0.9, "tension": 1.0}
 SIDES = tuple(LIMITS)
 GRID = {1: 8, 2: 6, 3: 4}  # intervals of the zone for each spacing of the horizon; the climb from it does the rest
@@ -87,44 +86,20 @@ class Atlas:
 def critical(
     model: AbstractModel, family: LatticeFamily, path, side: str, criterion: str = "symbol"
 ) -> tuple[float, str]:
-    """(a_cr, what the states before it are) along one path and side."""
-    sign, limit = (-1.0 if side == "compression" else 1.0), LIMITS[side]
+    """(a_cr, what the states before it are) along one path and side: `critical_load` on the atlas's grid."""
+    limit = LIMITS[side]
     law_family = path is not PATHS["uniaxial-stress"] or criterion != "local"
     own = model if law_family else Correspondence(model.law)  # type: ignore[attr-defined]
-
-    zone = family_zone(family, "inversion", GRID[family.dim] * family.reach)
-
-    def margins(sizes):
-        F = computed_in_double(deformations, path, sign * sizes, own, family)
-        out = outcomes(criterion, model, family, F, zone)
-        return out.margin, margin_tolerance(family.xi.dtype, out.scale)
-
-    sizes = np.concatenate([np.geomspace(SMALLEST, 0.02, BATCH), np.linspace(0.02, limit, 2 * BATCH + 1)[1:]])
-    low, high, seen = 0.0, math.inf, []
-    for batch in sizes.reshape(-1, BATCH):
-        margin, tolerance = margins(batch)
-        bad = margin > tolerance  # NaN, no state there, is not unstable
-        earlier = slice(int(np.argmax(bad)) if bad.any() else BATCH)
-        seen += list((np.abs(margin) <= tolerance)[earlier][np.isfinite(margin[earlier])])
-        if bad.any():
-            i = int(np.argmax(bad))
-            low, high = (batch[i - 1] if i else low), batch[i]
-            break
-        low = batch[-1]
-    before = "marginal" if seen and all(seen) else "stable"
-    if high <= AT_ONCE:
+    intervals = GRID[family.dim] * int(family.reach)
+    edge = float(critical_load(own, family, path, criterion, side, limit, intervals))
+    if abs(edge) <= AT_ONCE:
         return 0.0, "unstable at once"
-    if not math.isfinite(high):
-        return sign * math.inf, before
-    for _ in range(3):
-        split = np.linspace(low, high, BATCH + 1)
-        margin, tolerance = margins(split[1:])
-        i = int(np.argmax(margin > tolerance)) if (margin > tolerance).any() else BATCH - 1
-        low, high, ends = split[i], split[i + 1], (margin[i - 1] if i else np.nan, margin[i])
-    edge = high
-    if np.isfinite(ends).all() and ends[0] < 0 < ends[1]:
-        edge = low + (high - low) * ends[0] / (ends[0] - ends[1])
-    return (sign * float(edge), before) if edge > AT_ONCE else (0.0, "unstable at once")
+    sizes = min(abs(edge), limit) * np.arange(1, BATCH) / BATCH
+    F = computed_in_double(deformations, path, sign_of(side) * sizes, own, family)
+    out = outcomes(criterion, own, family, F, family_zone(family, "inversion", intervals))
+    margin, tolerance = out.margin, margin_tolerance(family.xi.dtype, out.scale)
+    there = np.isfinite(margin)  # where there is no such state, there is no verdict
+    return edge, "marginal" if there.any() and (np.abs(margin) <= tolerance)[there].all() else "stable"
 
 
 @partial(jax.jit, static_argnums=(1, 2, 3, 4, 5))

@@ -40,7 +40,7 @@ from .criteria import CRITERIA, evaluate, family_zone, margin_tolerance, verdict
 from .criteria.critical_load import deformations
 from .criteria.on_host import FROM_STATES, MANY, from_states
 from .lattice_states import States, check_modulus, has_series, modulus_of, offsets_of, resting_modulus
-from .paths import Path, check_stretch, hydrostatic, path_symmetry
+from .paths import Path, check_stretch, hydrostatic, is_stretch, path_symmetry
 
 _SAVE_EVERY = 30.0  # seconds between partial saves
 _CHUNK_BYTES = 2**23  # size of the screened symbols of one chunk, so that they fit in the caches
@@ -252,7 +252,7 @@ def _evaluated(job: "_Job", make: Callable, path: Path, mesh: Mesh | None) -> li
 
 def _check_loads(a: np.ndarray, model: AbstractModel, family, path: Path) -> None:
     """Raise ValueError for loads with a stretch 1 + a ≤ 0, or with det F ≤ 0 on a path of the user."""
-    if getattr(path, "stretch", False):
+    if is_stretch(path):
         check_stretch(a)
     det = np.linalg.det(computed_in_double(deformations, path, np.asarray(a, float), model, family))
     if (det <= 0).any():

@@ -13,7 +13,7 @@ a stretch, which needs a > −1.
 
 import functools
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -41,8 +41,20 @@ def check_stretch(a: Any) -> None:
             raise ValueError(f"a must be > -1, because this path stretches the lattice by 1 + a; got {which}")
 
 
+class Kept(NamedTuple):
+    """What a path keeps: the symmetry of the deformed lattice, and whether a load a is a stretch minus one."""
+
+    symmetry: str
+    stretch: bool
+
+
+KEPT: dict[Callable, Kept] = {}  # of the paths of pdjax; any other path keeps the inversion alone
+
+
 def _keeps(symmetry: str, stretch: bool = True):
-    def mark(path):
+    """Register what a path keeps, and check the loads that it is given."""
+
+    def registered(path):
         @public_function
         @functools.wraps(path)
         def checked(a, model, family):
@@ -50,10 +62,15 @@ def _keeps(symmetry: str, stretch: bool = True):
                 check_stretch(a)
             return path(a, model, family)
 
-        checked.symmetry, checked.stretch = symmetry, stretch  # type: ignore[attr-defined]
+        KEPT[checked] = Kept(symmetry, stretch)
         return checked
 
-    return mark
+    return registered
+
+
+def is_stretch(path: Path) -> bool:
+    """Whether the loads of a path are known to be stretches minus one."""
+    return path in KEPT and KEPT[path].stretch
 
 
 @_keeps("cubic")
@@ -243,4 +260,4 @@ def path_symmetry(path: Path, family: LatticeFamily, isotropic: bool) -> str:
 
     It is "inversion" if the bond weights or the material are not isotropic.
     """
-    return getattr(path, "symmetry", "inversion") if family.cubic and isotropic else "inversion"
+    return KEPT[path].symmetry if path in KEPT and family.cubic and isotropic else "inversion"

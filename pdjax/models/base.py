@@ -35,6 +35,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from .._internal.checks import floats_to_arrays, inside_jit, is_concrete
+from .._internal.shown import shown
 from ..geometry.bonds import EACH_BOND, Bonds
 from .kinematics import displacement_gradient
 
@@ -116,6 +117,9 @@ class AbstractModel(eqx.Module):
 
     def __check_init__(self):
         floats_to_arrays(self)
+
+    def __repr__(self) -> str:
+        return shown(self)
 
     @property
     def isotropic(self) -> bool:

@@ -4,8 +4,8 @@
     η₀ = (F − I) ξ,   δM = Σ (∂moments/∂η)(ξ, η₀) δη,   δA = (∂A/∂M) δM,   δt = t(δA; ξ, η₀) + (∂t/∂η)(A₀; ξ, η₀) δη
 
 The bond force must be linear in the point state (`additive`). All sums are then linear in δη, so every backend that
-evaluates bodies can be used, including convolutions. J v of a lattice body with surfaces about x = F X therefore costs
-the same for every horizon.
+evaluates bodies can be used, including convolutions. The time for J v of a lattice body with surfaces about x = F X is
+then the same for every horizon.
 """
 
 from collections.abc import Callable

@@ -24,13 +24,13 @@ def test_map_names_axes_units_and_criteria(grid):
 
 
 def test_printed_criterion_only_where_the_paper_prints_one(grid):
-    assert pd.figures.still._printed(grid, 3.0) is not None
-    assert pd.figures.still._printed(grid, 3.5) is None
+    assert pd.figures.charts._printed(grid, 3.0) is not None
+    assert pd.figures.charts._printed(grid, 3.5) is None
     other = dict(grid.settings, path="uniaxial_strain")
     moved = pd.StabilityMap(
         grid.m, grid.a, grid.N, grid.margin, grid.eigenvalue, grid.tolerance, grid.line_m, grid.line_a, {}, other
     )
-    assert pd.figures.still._printed(moved, 3.0) is None
+    assert pd.figures.charts._printed(moved, 3.0) is None
 
 
 def test_a_table_is_text_that_a_notebook_draws():

@@ -136,9 +136,9 @@ def stability(
     Raises
     ------
     ValueError
-        If the criterion is unknown, if det F ≤ 0, if the family is too small for the model, or if the P-wave modulus
-        λ + 2μ of the law at rest is not positive. Also if the model lacks what the criterion needs: "local" needs a
-        classical law, "continuum" needs a point state and no zero-energy control.
+        If the criterion is unknown, if det F ≤ 0, if the family is too small for the model, if the P-wave modulus
+        λ + 2μ of the law at rest is not positive, or if the model lacks what the criterion needs: "local" needs a
+        classical law, and "continuum" needs a point state and no zero-energy control.
 
     Notes
     -----

@@ -25,7 +25,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..._internal.checks import as_array, choice, computed_in_double, frozen, is_concrete
+from ..._internal.checks import as_array, choice, computed_in_double, frozen, is_concrete, sign_of
 from ..._internal.public import public_function
 from ...force.fields import check_model
 from ...geometry.bonds import LatticeFamily
@@ -38,14 +38,13 @@ from ..paths import Path, hydrostatic, path_symmetry
 from . import CRITERIA, check_at_rest, evaluate, family_zone, margin_tolerance
 from .on_host import outcomes
 
-SIDES = ("negative", "positive")
 SMALLEST = 1e-6  # A side that is unstable at this load has the critical load 0.
 BATCH = 16
 NEAR, FAR = 16, 48  # numbers of samples up to 2 %, and from 2 % to the limit
 SPLITS = 5  # They narrow a bracket of 2 % to 2e-8. One Newton step then reaches rounding.
 CLOSE = 2e-8  # The secant replaces the splits once the bracket has this relative width.
 SPAN = 1e-6  # Relative width of the secant. Its slope is accurate to 1e-6 (curvature) and 1e-9 (rounding).
-LIMITS = {"negative": 0.9, "positive": 1.0}
+LIMITS = {-1.0: 0.9, 1.0: 1.0}  # by the sign of the side
 
 
 def _samples(limit: float) -> np.ndarray:
@@ -244,7 +243,7 @@ def critical_load(
     criterion : str, optional
         Criterion of stability, see `stability`.
     side : str, optional
-        Sign of the loads: "negative" (compression on most paths) or "positive" (tension).
+        Sign of the loads: "negative" or "compression", "positive" or "tension".
     limit : float, optional
         Largest |a| of the search [-]. The default is 0.9 on the negative and 1.0 on the positive side.
     resolution : int, optional
@@ -282,29 +281,29 @@ def critical_load(
     0.0
     """
     choice("criterion", criterion, list(CRITERIA))
-    if side in ("compression", "tension"):
-        raise ValueError(f"side is the sign of a: 'negative' under compression, 'positive' under tension; got {side!r}")
-    choice("side", side, SIDES)
+    sign = sign_of(side)
     if not callable(path):
         raise ValueError(f"path must be a function (a, model, family) -> F, such as pd.hydrostatic; got {path!r}")
-    limit = LIMITS[side] if limit is None else limit
-    if not (2 * SMALLEST < limit < (1.0 if side == "negative" else np.inf)):
+    limit = LIMITS[sign] if limit is None else limit
+    if not (2 * SMALLEST < limit < (1.0 if sign < 0 else np.inf)):
         raise ValueError(
             f"limit must lie between 2e-6 and 1 (negative side), or be finite and > 2e-6 (positive); got {limit}"
         )
     check_model(model, family, LatticeFamily)
     real = np.dtype(family.xi.dtype)
-    sign, samples = np.asarray(-1.0 if side == "negative" else 1.0, real), _samples(float(limit)).astype(real)
+    samples = _samples(float(limit)).astype(real)
     zone = family_zone(family, path_symmetry(path, family, model.isotropic), resolution)
     quiet = frozen((model, family, path))
     if not is_concrete(quiet):
         check_at_rest(model, family)
-        return _traced(model, family, path, criterion, sign, samples, zone.intervals, zone.symmetry)
-    (low, high, exists, at), seen = _host_edge(quiet, criterion, float(sign), samples, zone)
+        return _traced(model, family, path, criterion, np.asarray(sign, real), samples, zone.intervals, zone.symmetry)
+    (low, high, exists, at), seen = _host_edge(quiet, criterion, sign, samples, zone)
     if is_concrete(model, family, path):
-        return as_array(sign * (_secant(low, high, seen, real) if exists else np.inf), real)
+        return as_array(sign * (_secant(low, high, seen, real) if exists else np.inf) + 0.0, real)  # no −0
     bracket = np.asarray(low, real), np.asarray(high, real), np.asarray(exists), at
-    return _with_derivative(model, family, path, criterion, sign, zone.intervals, zone.symmetry, bracket)
+    return _with_derivative(
+        model, family, path, criterion, np.asarray(sign, real), zone.intervals, zone.symmetry, bracket
+    )
 
 
 @public_function
@@ -327,7 +326,7 @@ def load_slope(
     path : callable, optional
         Load path (a, model, family) → F, such as `hydrostatic`.
     side : str, optional
-        Sign of the loads: "negative" (compression on most paths) or "positive" (tension).
+        Sign of the loads: "negative" or "compression", "positive" or "tension".
 
     Returns
     -------
@@ -349,9 +348,8 @@ def load_slope(
     >>> round(float(slope(1.0)), 6), round(float(slope(0.0)), 6)
     (0.5, -0.5)
     """
-    choice("side", side, SIDES)
+    sign = sign_of(side)
     check_model(model, family, LatticeFamily)
-    sign = -1.0 if side == "negative" else 1.0
     M = modulus_at_rest(model, family)
     k = jnp.asarray(half_reciprocal_points(family.dim), dtype=family.xi.dtype) / family.spacing
     phases = wave_phases(family, k)
@@ -396,7 +394,7 @@ def stable_orders(
     path : callable, optional
         Load path (a, model, family) → F, such as `hydrostatic`.
     side : str, optional
-        Sign of the loads: "negative" (compression on most paths) or "positive" (tension).
+        Sign of the loads: "negative" or "compression", "positive" or "tension".
     bound : float, optional
         Orders are searched between −bound and bound [-].
 
@@ -426,7 +424,7 @@ def stable_orders(
     >>> round(low, 6), high
     (0.5, inf)
     """
-    choice("side", side, SIDES)
+    sign_of(side)
     if not (np.isfinite(bound) and bound > 0):
         raise ValueError(f"bound must be finite and > 0; got {bound}")
     batch = 33
