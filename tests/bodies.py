@@ -1,7 +1,8 @@
-"""Small bodies of the tests, and one compiled function of them.
+"""Small bodies for the tests, and one compiled function that evaluates all results of a body.
 
-In each dimension the lattice and the cloud have as many points and slots as each other, so that a model compiles once
-for both. Volumes differ from point to point, the influence is no constant, surfaces are everywhere.
+In each dimension the lattice and the cloud have the same number of points and of neighbour slots, so that a model is
+compiled once for both. Volumes differ from point to point, the influence function is not constant, and most points are
+near a surface.
 """
 
 import functools
@@ -25,7 +26,7 @@ def gaussian(r, horizon):
 
 
 def random(*key):
-    """A generator of its own for every test."""
+    """A random generator for these integers, so that each test has its own numbers."""
     return np.random.default_rng([7, *key])
 
 
@@ -39,7 +40,7 @@ def points(dim, kind):
 
 
 def padded(fams, width):
-    """The same families with more slots: the point itself, any non-zero ξ, weight 0."""
+    """The same families with more slots. A new slot holds the point itself, a non-zero ξ and the weight 0."""
     more = ((0, 0), (0, width - fams.xi.shape[1]))
     own = np.arange(len(fams), dtype=np.int32)[:, None]
     slots = np.arange(width, dtype=np.int32)[None, :]
@@ -59,7 +60,7 @@ def padded(fams, width):
 
 @functools.cache
 def families(dim, kind):
-    """Families of a body, padded to one slot for every other point."""
+    """Families of a body, padded so that each has one slot for every other point."""
     found = pd.families(points(dim, kind), HORIZONS[dim], pd.gaussian_influence)
     return padded(found, len(points(dim, kind)) - 1)
 
@@ -78,23 +79,23 @@ def rotation(dim, *key):
 
 
 def displacement(dim, kind, *key, size=0.1):
-    """A large affine part and noise: no point is like another."""
+    """A large affine displacement plus noise, so that all points differ."""
     X = points(dim, kind).positions
     return X @ (deformation(dim, *key, size=size) - np.eye(dim)).T + 0.3 * size * random(*key, 1).normal(size=X.shape)
 
 
 def worst(a, b=0.0):
-    """max |a − b|, NaN if any entry is."""
+    """max |a − b|. It is NaN if any entry is NaN."""
     a, b = np.asarray(a), np.asarray(b)
     assert a.shape == b.shape or b.ndim == 0, f"{a.shape} is not {b.shape}"
     return np.max(np.abs(a - b))
 
 
 class Response(NamedTuple):
-    """What a body answers to a displacement."""
+    """Results of a body at one displacement."""
 
     force: jax.Array
-    energy: jax.Array | None  # None where the model has none
+    energy: jax.Array | None  # None if the model has no energy
     gradient: jax.Array | None  # ∂Π/∂u
     jacobian: jax.Array  # dense
     strain: jax.Array
@@ -103,7 +104,7 @@ class Response(NamedTuple):
 
 @jax.jit
 def respond(model, fams, u):
-    """Everything about a body at once: one compile for each kind of model and shape."""
+    """All results of a body in one program, which is compiled once for each kind of model and shape."""
     energy = gradient = None
     if model.hyperelastic:
         energy, gradient = jax.value_and_grad(lambda v: pd.strain_energy(model, fams, v))(u)
@@ -119,7 +120,7 @@ def respond(model, fams, u):
 
 @jax.jit
 def homogeneous(model, fam, F):
-    """W(F) and ∂W/∂F of a lattice family by autodiff of its energy (None without one), P, ∂P/∂F and T."""
+    """W(F) and ∂W/∂F of a lattice family by autodiff (None if the model has no energy), P, ∂P/∂F and T."""
 
     def stress(F):
         P = pd.piola_stress(model, fam, F)

@@ -1,9 +1,9 @@
-"""Float64 for every test, shapes and types checked at every call, and one folder of compiled programs for all workers.
+"""Settings of all tests: float64, shapes and types checked at every call, one folder of compiled programs.
 
-Most of the tests' time is compiling, so XLA is told not to optimise, which takes half of the time. With XLA_FLAGS=" "
-in the environment the tests have the programs that users get. What one worker, notebook or command has compiled, the
-others read from the folder; it is made by the process that starts the workers, named in the environment that they
-inherit, and removed at the end. A folder named in JAX_COMPILATION_CACHE_DIR is used instead and stays.
+Most of the time of the tests is compilation. XLA is therefore told not to optimise, which halves this time. With
+XLA_FLAGS=" " in the environment, the tests use the same programs as users. All workers, notebooks and commands share a
+folder of compiled programs. The process that starts the workers makes the folder, names it in the environment that they
+inherit, and removes it at the end. A folder named in JAX_COMPILATION_CACHE_DIR is used instead and is not removed.
 """
 
 import gc
@@ -12,7 +12,7 @@ import os
 import tempfile
 from pathlib import Path
 
-if "XLA_FLAGS" not in os.environ and importlib.metadata.version("jaxlib").startswith("0.10."):  # the flags it knows
+if "XLA_FLAGS" not in os.environ and importlib.metadata.version("jaxlib").startswith("0.10."):  # it knows these flags
     os.environ["XLA_FLAGS"] = "--xla_backend_optimization_level=0 --xla_cpu_use_fusion_emitters=false"
 
 import jax
@@ -32,24 +32,24 @@ if "JAX_COMPILATION_CACHE_DIR" not in os.environ:
         jax.config.update(name, value)
 
 jax.config.update("jax_enable_x64", True)
-install_import_hook("pdjax", "typecheck.checked")  # before pdjax is imported anywhere
+install_import_hook("pdjax", "typecheck.checked")  # must come before the first import of pdjax
 settings.register_profile("pdjax", deadline=None, max_examples=20, derandomize=True)
 settings.load_profile("pdjax")
 
 
-# Tracing makes many small objects: collecting them as often as Python does takes a sixteenth of the time.
+# Tracing makes many small objects. Garbage collection at Python's default frequency takes a sixteenth of the time.
 gc.set_threshold(200_000, 50, 100)
 
 
 def pytest_unconfigure():
-    """Remove the folder where it was made."""
+    """Remove the folder in the process that has made it."""
     if FOLDER is not None:
         FOLDER.cleanup()
 
 
 @pytest.fixture(scope="module", autouse=True)
 def few_memory_maps():
-    """Every compiled function maps memory, and a process may hold 65530 maps: forget them before LLVM aborts."""
+    """Clear compiled functions after a module if they use many memory maps. LLVM aborts beyond 65530 in a process."""
     yield
     maps = Path("/proc/self/maps")
     if maps.exists() and maps.read_bytes().count(b"\n") > 20_000:
@@ -58,7 +58,7 @@ def few_memory_maps():
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items):
-    """Mark what long.txt and smoke.txt list: ids, or functions, which stand for all their cases."""
+    """Mark the tests that long.txt and smoke.txt list, by id or by function. A function stands for all its cases."""
     for mark in ("long", "smoke"):
         lines = (Path(__file__).parent / f"{mark}.txt").read_text(encoding="utf-8").splitlines()
         listed = {line for line in lines if line and not line.startswith("#")}

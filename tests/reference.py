@@ -1,16 +1,16 @@
 """An independent reference in plain NumPy: brute-force families, forces, energies, Jacobians, symbols.
 
-It shares no code with the package and follows the definitions line by line, so that agreement means
-something. Every force accepts complex displacements: √(Σ Y²) is taken without modulus or conjugate, hence
-analytic, and a derivative is the imaginary part of a step of 1e-30 i, exact to rounding.
+It shares no code with the package and follows the definitions line by line, so that agreement is significant. Every
+force accepts complex displacements: √(Σ Y²) has no modulus or conjugate and is therefore analytic. A derivative is the
+imaginary part of the result of a step of 1e-30 i, exact to rounding.
 
     Seth-Hill       T = ω (n·(L⁻¹:S)·n) s^{2m} Y/|Y|²,  S = λ tr(Ē) I + 2μĒ,
                     Ē = L⁻¹ : Σ w ((s^{2m} − 1)/2m) n⊗n
     correspondence  T = ω F̄ S K⁻¹ ξ,  S as above of Ē = (F̄ᵀF̄ − I)/2,  F̄ = (Σ w Y⊗ξ) K⁻¹
     f_i = Σ_j (T_ij − T_ji) V_j,   w = ωV,  L = Σ w n⊗n⊗n⊗n,  K = Σ w ξ⊗ξ,  Y = ξ + u_j − u_i,  s = |Y|/|ξ|
 
-`omega` is a NumPy callable (r, horizon) → influence, constant 1 if None. `rows`, where given, are the
-points whose force is wanted: only they and their neighbours need a full family.
+`omega` is a NumPy callable (r, horizon) → influence. If it is None, the influence is 1. `rows` are the points whose
+force is computed, all points if it is None. Only these points and their neighbours need a full family.
 """
 
 import functools
@@ -31,7 +31,7 @@ def _families(raw, shape, horizon):
 
 
 def families(positions, horizon):
-    """For each point the indices of the others within the horizon, by brute force; ties are in."""
+    """For each point the indices of the others within the horizon, by brute force. Ties are included."""
     positions = np.ascontiguousarray(positions, dtype=float)
     return _families(positions.tobytes(), positions.shape, float(horizon))
 
@@ -59,12 +59,12 @@ def _seth_hill_measure(s, m):
 
 
 def _dual(xi, w):
-    """L⁻¹ : n⊗n for every bond; L as a d²×d² matrix, inverted on the symmetric tensors it acts on."""
+    """L⁻¹ : n⊗n for every bond. L is a d²×d² matrix, inverted on the symmetric tensors it acts on."""
     xi, w = np.ascontiguousarray(xi, dtype=float), np.ascontiguousarray(w, dtype=float)
     return _dual_of(xi.tobytes(), w.tobytes(), xi.shape)
 
 
-@functools.lru_cache(maxsize=1024)  # it depends on the reference state alone, which Jacobians ask for again and again
+@functools.lru_cache(maxsize=1024)  # a Jacobian needs the same reference state many times
 def _dual_of(raw_xi, raw_w, shape):
     xi, w, dim = np.frombuffer(raw_xi).reshape(shape), np.frombuffer(raw_w), shape[1]
     n = xi / np.sqrt(np.sum(xi**2, axis=1))[:, None]
@@ -115,7 +115,7 @@ def correspondence_states(positions, volumes, horizon, u, lam, mu, omega=None, p
 
 
 def _force(state_of, positions, volumes, horizon, u, rows):
-    """f_i = Σ_j (T_ij − T_ji) V_j from the states of the points wanted and of their neighbours."""
+    """f_i = Σ_j (T_ij − T_ji) V_j of the points `rows`, from their states and those of their neighbours."""
     rows = list(range(len(positions)) if rows is None else rows)
     near = families(positions, horizon)
     states = state_of(sorted(set(rows).union(*(near[i].tolist() for i in rows))))
@@ -167,7 +167,7 @@ def correspondence_energy(positions, volumes, horizon, u, lam, mu, omega=None):
 
 
 def complex_step_jacobian(force, u):
-    """∂force/∂u, (force size, u size), by one imaginary step a column; exact to rounding."""
+    """∂force/∂u, (force size, u size), by one imaginary step for each column, exact to rounding."""
     u = np.asarray(u, dtype=float)
     columns = []
     for index in np.ndindex(*u.shape):
@@ -192,7 +192,7 @@ def central_difference_jacobian(force, u, step):
 def patch_row(dim, N, force_of_u, F):
     """(η (n, dim), J⟨η⟩ = ∂f(X)/∂x(X + η) (n, dim, dim)) at the centre of a patch of unit spacing.
 
-    `force_of_u(positions, u)` returns the force densities, the centre's first (it is the first position).
+    `force_of_u(positions, u)` returns the force densities, first that of the centre, which is the first position.
     """
     positions = lattice_ball(dim, 2 * N)
     u = positions @ (np.asarray(F, dtype=float) - np.eye(dim)).T

@@ -1,8 +1,8 @@
-"""The models in plain NumPy, from their equations: energies of families and of bonds, forces where there is no energy.
+"""The models in plain NumPy, from their equations: energies of families and bonds, forces of models without energy.
 
-No line is shared with the package. |Y|² is Σ Y² without modulus or conjugate, so that every function is analytic and a
-derivative is the imaginary part of a step of 1e-30 i. A body is a loop over its points; a model that looks at both ends
-of a bond a double loop.
+No line is shared with the package. |Y|² is Σ Y² without modulus or conjugate, so that every function is analytic. A
+derivative is the imaginary part of the result of a step of 1e-30 i. A body is evaluated by a loop over its points. For
+a model that uses the states of both ends of a bond it is a double loop.
 """
 
 import itertools
@@ -16,7 +16,7 @@ MICROMODULUS = {1: 2.0, 2: 12 / np.pi, 3: 18 / np.pi}  # c δ^(d+1)/k
 
 
 class Family(NamedTuple):
-    """Neighbours, ξ, Y, influence times weight, neighbours' volumes; w = ω V."""
+    """Neighbours, ξ, Y, influence times weight, volumes of the neighbours, horizon. The property w is ω V."""
 
     near: np.ndarray
     xi: np.ndarray
@@ -35,7 +35,7 @@ class Family(NamedTuple):
 
 
 def families(positions, volumes, horizon, u, omega=None, weight=None):
-    """Every point's family; `weight` (points, points): of the bond of i to j."""
+    """The family of every point. `weight` (points, points) holds the weight of the bond from i to j."""
     found = []
     for i, near in enumerate(ref.families(positions, horizon)):
         xi = positions[near] - positions[i]
@@ -146,7 +146,7 @@ def bond_level(f, law):
 
 
 def sub_horizon(f, law):
-    """Sectors by the signs of ξ, borders shared, those that do not span left out."""
+    """Sectors by the signs of ξ. A bond on a border is shared, and sectors that do not span space are left out."""
     parts, energies = [], []
     for signs in itertools.product((1, -1), repeat=f.dim):
         share = np.ones(len(f.xi))
@@ -162,7 +162,7 @@ def sub_horizon(f, law):
 
 
 def members(f, r):
-    """Which bonds k belong to the sub-family of b: (b, k)."""
+    """(b, k): whether bond k belongs to the sub-family of bond b."""
     return length(f.xi[:, None, :] - f.xi[None, :, :]) <= r * f.horizon * (1 + 1e-9)
 
 
@@ -172,7 +172,7 @@ def bond_associated(f, law, r):
     return np.dot(share, each) / np.sum(share)
 
 
-# ---------------------------------------------------------------- energies of bonds that look at both ends
+# ---------------------------------------------------------------- energies of bonds that use the states of both ends
 
 
 def reproducing_kernel_gradient(f, order):
@@ -200,7 +200,7 @@ def two_sided(found, volumes, law, gradient_of=gradient):
 
 
 def littlewood(f, C, stress):
-    """T of the correspondence model and of the hourglass force C c (z·Y) Y/(|ξ||Y|²)."""
+    """T of the correspondence model plus the hourglass force C c (z·Y) Y/(|ξ||Y|²)."""
     Z = stress(gradient(f)) @ np.linalg.inv(shape(f))
     along = np.sum(deviation(f) * f.Y, axis=1) / length(f.xi) / np.sum(f.Y**2, axis=1)
     return f.omega[:, None] * (f.xi @ Z.T) + C * micromodulus(f.dim, f.horizon) * along[:, None] * f.Y
@@ -270,7 +270,7 @@ WITH_ENERGY = (*FAMILY_ENERGIES, *BODY_ENERGIES)
 
 
 def body_energy(name, positions, volumes, horizon, u, omega=None, weight=None):
-    """Π of a model of the table by its energy."""
+    """Π of a model of the table, from its energy."""
     found = families(positions, volumes, horizon, u, omega, weight)
     if name in BODY_ENERGIES:
         return BODY_ENERGIES[name](found, volumes)
@@ -278,7 +278,7 @@ def body_energy(name, positions, volumes, horizon, u, omega=None, weight=None):
 
 
 def body_force(name, positions, volumes, horizon, u, omega=None, weight=None):
-    """f of a model of the table: of its force states, or the slope of its energy by complex steps."""
+    """f of a model of the table, from its force states or from the slope of its energy by complex steps."""
     if name in STATES:
         found = families(positions, volumes, horizon, u, omega, weight)
         return force_of_states(found, [STATES[name](f) for f in found])

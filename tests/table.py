@@ -1,6 +1,6 @@
-"""The one table of models: every invariant runs over it; a new model is one line.
+"""The table of models that every test of an invariant runs over. A new model is one line.
 
-`SMALLER` lists the bodies of the models that need not meet all six: each compile of a body costs seconds.
+`SMALLER` lists the bodies of models that are not tested on all six bodies, because each compilation takes seconds.
 """
 
 import bodies
@@ -10,7 +10,7 @@ import pdjax as pd
 
 
 class EnergyOnly(pd.AbstractModel):
-    """Any model with all but its energy taken away: the general path, by autodiff."""
+    """A model reduced to its energy, so that the general path by autodiff evaluates it."""
 
     base: pd.AbstractModel
 
@@ -22,7 +22,7 @@ class EnergyOnly(pd.AbstractModel):
 
 
 def quartic(E, c):
-    """A user's law in E: stiffens with strain."""
+    """A law of a user in E that stiffens with strain."""
     return 0.5 * c["lam"] * jnp.trace(E) ** 2 + c["mu"] * jnp.sum(E * E) + c["b"] * jnp.sum(E * E) ** 2
 
 
@@ -56,9 +56,9 @@ MODELS = {
 FLAT = [(1, "cloud"), (2, "lattice"), (2, "cloud")]
 SMALLER = dict.fromkeys(list(MODELS)[list(MODELS).index("bond_based") :], FLAT)
 SMALLER |= {name: [*FLAT, (3, "cloud")] for name in ("lps", "wan control", "bond_level average")}
-SMALLER["sub_horizon"] = [*FLAT, (3, "lattice")]  # on that cloud no octant of some points spans space
+SMALLER["sub_horizon"] = [*FLAT, (3, "lattice")]  # in the cloud some points have no octant that spans space
 
-# where only the machinery is tested, one of each kind: the others share its code path
+# One model of each kind, for tests of the machinery only. The models left out share the code path of one of these.
 KINDS = {
     name: model
     for name, model in MODELS.items()
@@ -67,7 +67,7 @@ KINDS = {
 
 
 def on_bodies(names=MODELS):
-    """(name, dim, kind) of every model on every body that it is to meet, in the dimensions it is defined in."""
+    """(name, dim, kind) of every model on every body it is tested on, in the dimensions it is defined in."""
     return [(n, *body) for n in names for body in SMALLER.get(n, bodies.BODIES) if body[0] in MODELS[n].dims]
 
 

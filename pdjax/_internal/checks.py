@@ -1,7 +1,8 @@
-"""Errors that teach: what was wrong, what was expected, what came.
+"""Checks of arguments, conversions between NumPy and JAX, and safe writing of files.
 
-Values known before tracing raise `ValueError` at once; values seen only as tracers are
-guarded by `equinox.error_if`, so that a bad number never travels on silently.
+An error message says what is wrong, what was expected and what came. Values that are known before tracing raise
+`ValueError` at once. Values that exist only inside a traced program are checked by `equinox.error_if` when the program
+runs.
 """
 
 import contextlib
@@ -20,34 +21,39 @@ import numpy as np
 
 
 def is_concrete(*trees: Any) -> bool:
-    """True if no leaf of the trees is a tracer: values can be looked at now."""
+    """True if no leaf of the trees is a tracer, so that all values can be read now."""
     return not any(isinstance(leaf, jax.core.Tracer) for leaf in jax.tree.leaves(trees))
 
 
 def inside_jit() -> bool:
-    """True while `jit` or `scan` traces: values made here are traced too, and the host can't look at any."""
+    """True while `jit` or `scan` traces. Arrays made then are tracers too, and the host cannot read their values."""
     return isinstance(jax.device_put(np.float32(0)), jax.core.Tracer)
 
 
 def computed(program: Any, *arguments: Any) -> Any:
-    """What a jitted program gives for values that are known, as NumPy arrays; also while something else is traced."""
+    """The results of a jitted program for concrete arguments, as NumPy arrays.
+
+    It also works while another function is traced.
+    """
     with jax.core.eval_context():
         return jax.device_get(program(*arguments))
 
 
 def computed_in_double(program: Any, *arguments: Any) -> Any:
-    """`computed`, with numbers of 64 bits throughout, also where JAX is set to 32.
+    """`computed` in float64, also where JAX is set to 32 bits.
 
-    What is computed on the host and decides a verdict is computed so: in 32 bits a stiffness over a length to the
-    fourth is beyond all numbers for a lattice of a micrometre in SI units.
+    Computations on the host that decide a verdict use it. In float32 a stiffness divided by the fourth power of a
+    length overflows for a lattice of a micrometre in SI units.
     """
     with _of_64_bits():
         return computed(program, *_double(arguments))
 
 
 def _double(tree: Any) -> Any:
-    """The tree with its floating arrays in double precision; those that have it stay as they are. Call it where JAX is
-    set to 64 bits."""
+    """The tree with its floating-point arrays in double precision. Call it only where JAX is set to 64 bits.
+
+    Arrays that have double precision already are returned unchanged.
+    """
 
     def wide(leaf: Any) -> Any:
         dtype = {"f": np.float64, "c": np.complex128}.get(getattr(getattr(leaf, "dtype", None), "kind", ""))
@@ -60,8 +66,10 @@ def _double(tree: Any) -> Any:
 
 
 def in_double(function: Callable) -> Callable:
-    """A function that runs on the host, given numbers of 32 bits, computes in 64 and answers in 32; see
-    `computed_in_double`. Under a transformation it is itself."""
+    """Decorate a function of the host so that it computes float32 arguments in float64 and returns float32.
+
+    `computed_in_double` gives the reason. Under a JAX transformation the function runs unchanged.
+    """
 
     def is_single(leaf: Any) -> bool:
         return getattr(leaf, "dtype", None) == np.float32
@@ -89,29 +97,32 @@ def _of_64_bits() -> Any:
 
 
 def namespace(*trees: Any) -> Any:
-    """NumPy if no leaf of the trees is a tracer, else jax.numpy.
+    """NumPy if no leaf of the trees is a tracer, otherwise jax.numpy.
 
-    Every operation of jax.numpy outside a program compiles a program of its own, NumPy's compile nothing.
+    Outside a compiled program every operation of jax.numpy compiles a separate program. NumPy compiles nothing.
     """
     return np if is_concrete(*trees) else jnp
 
 
 def frozen(tree: Any) -> Any:
-    """The tree with no derivative flowing through it; values that are known stay as they are."""
+    """The tree with `stop_gradient` applied to its tracers. Concrete values are returned unchanged."""
     return jax.tree.map(lambda x: jax.lax.stop_gradient(x) if isinstance(x, jax.core.Tracer) else x, tree)
 
 
 def in_host_memory(*trees: Any) -> bool:
-    """Whether all values are known and none lies on an accelerator: moving arrays of a body would take longer than
-    compiling a few programs."""
+    """True if all values are concrete and no array lies on an accelerator.
+
+    The move of a body's arrays from an accelerator to the host takes longer than the compilation of a few programs.
+    """
     arrays = [leaf for leaf in jax.tree.leaves(trees) if isinstance(leaf, jax.Array)]
     return is_concrete(arrays) and all(d.platform == "cpu" for a in arrays for d in a.devices())
 
 
 def on_host(tree: Any) -> Any:
-    """The tree with concrete JAX arrays as NumPy arrays; a scalar of weak type becomes a Python number.
+    """The tree with concrete JAX arrays converted to NumPy arrays, and weakly typed scalars to Python numbers.
 
-    Python numbers leave the dtype of an array that they meet as it is, as scalars of weak type do. Tracers stay.
+    A Python number does not change the dtype of an array in the same operation, and neither does a weakly typed scalar.
+    Tracers are returned unchanged.
     """
 
     def value(leaf: Any) -> Any:
@@ -124,16 +135,19 @@ def on_host(tree: Any) -> Any:
 
 
 def on_device(tree: Any) -> Any:
-    """The tree with NumPy arrays and numbers as JAX arrays: the last step of what NumPy has computed.
+    """The tree with NumPy arrays and numbers converted to JAX arrays: the last step of a computation in NumPy.
 
-    `jax.device_put` compiles nothing; `jnp.asarray` compiles a program for each shape. The arrays may share the memory
-    of the NumPy arrays, so pass no array that a user may write to.
+    `jax.device_put` compiles nothing, whereas `jnp.asarray` compiles a program for each shape. The JAX arrays may share
+    memory with the NumPy arrays. Do not pass an array that a user may write to.
     """
     return jax.tree.map(lambda leaf: leaf if isinstance(leaf, jax.Array) else jax.device_put(leaf), tree)
 
 
 def require(x: Any, ok: Any, message: str) -> Any:
-    """Return `x`; raise with `message` where `ok` is false, now if concrete, at run time if traced."""
+    """Return `x`, or raise an error with `message` if an entry of `ok` is false.
+
+    A concrete `ok` raises ValueError now. A traced `ok` raises the error when the program runs.
+    """
     if is_concrete(ok):
         if not bool(np.all(np.asarray(ok))):
             raise ValueError(message)
@@ -142,23 +156,24 @@ def require(x: Any, ok: Any, message: str) -> Any:
 
 
 def check_positive(name: str, value: Any) -> None:
-    """Refuse a constant that is not finite and > 0, where its value is known."""
+    """Raise ValueError if a constant with a concrete value is not finite and > 0."""
     if is_concrete(value):
         number = np.asarray(value)
         require(value, np.isfinite(number) & (number > 0), f"{name} must be finite and > 0; got {value}")
 
 
 def native(name: str, value: Any) -> np.ndarray:
-    """A known array as NumPy has it, in the machine's byte order; refused where entries are masked or no numbers.
+    """A concrete array as a NumPy array in the byte order of the machine.
 
-    Lists, pandas columns, read-only arrays, arrays in Fortran order or of the other byte order (meshio's) are taken.
+    Lists, pandas columns, read-only arrays, arrays in Fortran order and arrays of the other byte order (from meshio)
+    are accepted. Masked entries and entries that are not numbers raise ValueError.
     """
     if isinstance(value, np.ma.MaskedArray):
         hidden = int(np.ma.getmaskarray(value).sum())
         if hidden:
             raise ValueError(
-                f"{name} has {hidden} masked entries, which stand for no number: fill them, {name}.filled(value), or"
-                " leave their points away"
+                f"{name} has {hidden} masked entries, but every entry must be a number. Fill them with"
+                f" {name}.filled(value), or remove the points that they belong to"
             )
         value = value.data
     try:
@@ -171,7 +186,7 @@ def native(name: str, value: Any) -> np.ndarray:
 
 
 def finite(name: str, value: Any) -> np.ndarray:
-    """`value` as a NumPy array of floats; ValueError naming it if any entry is NaN or infinite."""
+    """`value` as a NumPy array of floats. ValueError with its name is raised if any entry is NaN or infinite."""
     array = native(name, value).astype(float)
     bad = np.flatnonzero(~np.isfinite(array).reshape(-1))
     if bad.size:
@@ -182,7 +197,7 @@ def finite(name: str, value: Any) -> np.ndarray:
 
 
 def as_array(x: Any, dtype: Any = float, name: str = "a value") -> jax.Array:
-    """`x` as a JAX array of a dtype, by default the float type that is set. A value that is known compiles nothing."""
+    """`x` as a JAX array, by default of the float type that JAX is set to. A concrete value compiles nothing."""
     dtype = jax.dtypes.canonicalize_dtype(dtype)
     if not is_concrete(x):
         return jnp.asarray(x, dtype)
@@ -192,7 +207,7 @@ def as_array(x: Any, dtype: Any = float, name: str = "a value") -> jax.Array:
 
 
 def as_real(x: Any, name: str = "a constant") -> jax.Array:
-    """An array of the default float type at least: a constant given as 1 is 1.0."""
+    """`x` as an array. Integers and booleans become numbers of the default float type: 1 becomes 1.0."""
     real = jnp.result_type(float)
     if isinstance(x, jax.Array) and jnp.issubdtype(x.dtype, jnp.inexact):
         return x
@@ -200,13 +215,13 @@ def as_real(x: Any, name: str = "a constant") -> jax.Array:
         x = jnp.asarray(x)
         return x if jnp.issubdtype(x.dtype, jnp.inexact) else x.astype(real)
     if isinstance(x, float | complex) and not isinstance(x, np.generic):
-        return jax.device_put(x)  # of weak type
+        return jax.device_put(x)  # a weakly typed scalar
     array = native(name, x)
     return jax.device_put(np.array(array, real if array.dtype.kind in "biu" else None))
 
 
 def floats_to_arrays(module: Any) -> None:
-    """Python floats among the fields of a module that has just been made become arrays, but static ones."""
+    """Convert the Python floats among the fields of a new module to arrays, except in static fields."""
     for field in dataclasses.fields(module):
         value = getattr(module, field.name, None)
         if isinstance(value, float) and not field.metadata.get("static", False):
@@ -214,14 +229,14 @@ def floats_to_arrays(module: Any) -> None:
 
 
 def choice(name: str, value: Any, allowed: Sequence[str]) -> str:
-    """`value` if it is one of `allowed`; else ValueError listing them."""
+    """`value` if it is one of `allowed`. Otherwise ValueError lists the allowed values."""
     if value not in allowed:
         raise ValueError(f"{name} must be one of {', '.join(allowed)}; got {value!r}")
     return value
 
 
 def deformation_gradient(F: Any, dim: int) -> jax.Array:
-    """`F` as a (dim, dim) array, refused where its shape is wrong, it is not finite or det F ≤ 0."""
+    """`F` as a (dim, dim) array. A wrong shape, an entry that is not finite or det F ≤ 0 raises an error."""
     given, F = F, as_real(F, "F")
     if F.shape != (dim, dim):
         raise ValueError(f"F must be a ({dim}, {dim}) deformation gradient for this family; got shape {F.shape}")
@@ -236,9 +251,9 @@ def deformation_gradient(F: Any, dim: int) -> jax.Array:
 
 
 def writable(path: str | os.PathLike) -> Path:
-    """`path`, if a file can be created there; OSError now rather than after a long computation.
+    """`path`, if a file can be created there. Otherwise OSError is raised now, before a long computation.
 
-    Nothing is left behind, and an existing file is left as it is.
+    The check leaves no file behind and does not change an existing file.
     """
     path = Path(path)
     if path.is_dir():
@@ -258,19 +273,22 @@ def writable(path: str | os.PathLike) -> Path:
 
 @contextlib.contextmanager
 def moved_whole(path: str | os.PathLike, part: Path) -> Iterator[None]:
-    """What is written to `part` becomes `path`, or nothing does; a disk that refuses is said with the file's name."""
+    """Rename the file `part` to `path` after the block has written it, or delete it if the block fails.
+
+    An OSError in the block is raised again with the name of the file.
+    """
     try:
         yield
         os.replace(part, path)
     except OSError as error:
-        raise OSError(f"could not write {path}: {error.strerror or error}; what stood there is as it was") from error
+        raise OSError(f"could not write {path}: {error.strerror or error}; an earlier file is unchanged") from error
     finally:
         part.unlink(missing_ok=True)
 
 
 @contextlib.contextmanager
 def written_whole(path: str | os.PathLike) -> Iterator[BinaryIO]:
-    """A stream that becomes the file `path` when all of it is written, and nothing if something fails on the way."""
+    """Open a stream that becomes the file `path` only after all of it is written. A failure leaves no file behind."""
     path = writable(path)
     part = path.with_name(path.name + ".part")
     with moved_whole(path, part), open(part, "wb") as stream:

@@ -1,7 +1,7 @@
-"""Compiled programs kept on disk, so that the next process reads what an earlier one compiled.
+"""Compiled programs kept on disk, so that later processes read them instead of compiling again.
 
-JAX has such a cache, and it is off until a folder is named. This module names one for the user who asks, and for the
-command line. It is the one place where pdjax writes to `jax.config`.
+JAX has a persistent compilation cache, which is off until a folder is named. `use_compilation_cache` names a folder for
+the command line and for users who call it. Only this module of pdjax writes to `jax.config`.
 """
 
 import os
@@ -12,14 +12,14 @@ from pathlib import Path
 import jax
 from jax.experimental.compilation_cache import compilation_cache
 
-THRESHOLDS = {  # programs of every size and compile time are kept, unless the environment says otherwise
+THRESHOLDS = {  # Programs of every size and compile time are kept, unless the environment sets other thresholds.
     "jax_persistent_cache_min_compile_time_secs": 0.0,
     "jax_persistent_cache_min_entry_size_bytes": -1,
 }
 
 
 def default_folder() -> Path:
-    """Return the folder of compiled programs in the user's cache directory; RuntimeError if there is no home."""
+    """Return the folder of compiled programs in the user's cache directory. RuntimeError is raised without a home."""
     caches = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
     return Path(caches, "pdjax", f"jax-{jax.__version__}")
 
@@ -53,12 +53,13 @@ def use_compilation_cache(path: str | os.PathLike | None = None) -> str | None:
 
     Examples
     --------
-    >>> import pdjax as pd
-    >>> folder = pd.use_compilation_cache()  # doctest: +SKIP
+    >>> folder = pd.use_compilation_cache()
+    >>> folder == jax.config.jax_compilation_cache_dir
+    True
     """
     known = jax.config.values.get("jax_compilation_cache_dir") or os.environ.get("JAX_COMPILATION_CACHE_DIR") or None
     given = path if path is not None else known
-    if given is not None and "://" in os.fspath(given):  # a bucket, which JAX writes by itself
+    if given is not None and "://" in os.fspath(given):  # a bucket, which JAX itself writes to
         folder = os.fspath(given)
     else:
         try:
@@ -75,14 +76,14 @@ def use_compilation_cache(path: str | os.PathLike | None = None) -> str | None:
 
 
 _REFUSED = (
-    "compiled programs are not kept on disk, because {} cannot be written ({}); the computation goes on and compiles"
-    " its programs anew. Name a folder that you can write: pd.use_compilation_cache(path), or the environment variable"
-    " JAX_COMPILATION_CACHE_DIR"
+    "compiled programs are not kept on disk, because {} cannot be written ({}); the computation continues, and"
+    " each process compiles its programs again. Name a folder that you can write: pd.use_compilation_cache(path), or"
+    " the environment variable JAX_COMPILATION_CACHE_DIR"
 )
 
 
 def _made(folder: Path) -> Path:
-    """The folder's absolute path, once it exists and a file can be created in it; OSError otherwise."""
+    """Make the folder and return its absolute path. OSError is raised if no file can be created in it."""
     folder = folder.expanduser().absolute()
     folder.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryFile(dir=folder):
@@ -91,7 +92,7 @@ def _made(folder: Path) -> Path:
 
 
 def _use(folder: str | None) -> None:
-    """Give JAX the folder, also if it already reads from another one."""
+    """Set the folder of JAX's cache, also after JAX has used another one."""
     if folder != jax.config.values.get("jax_compilation_cache_dir"):
         compilation_cache.reset_cache()
         jax.config.update("jax_compilation_cache_dir", folder)

@@ -1,8 +1,8 @@
-"""On which constants of a model a result depends: found by tracing the function that gives it, once.
+"""The constants of a model on which a result depends, found by tracing once the function that computes the result.
 
-Reference sums, transforms of kernels and shape tensors are prepared once and remembered (`pdjax._internal.memory`). Most of
-them depend on the families alone, or on a few constants of the model. What is prepared for one model then serves all
-models that differ in other constants only, and constants that are traced, as in a gradient, do no harm.
+Reference sums, transforms of kernels and shape tensors are prepared once and kept (`pdjax._internal.memory`). Most of
+them depend on the families alone, or on a few constants of the model. A result prepared for one model is therefore used
+again for all models that differ only in other constants. These other constants may also be traced, as in a gradient.
 """
 
 from collections.abc import Callable, Hashable
@@ -17,7 +17,7 @@ from .memory import remember, value_key
 
 
 def _read(function: Callable, shapes: list, structure: Any, rest: Any) -> tuple[bool, ...]:
-    """Which of the leaves the result of `function` depends on."""
+    """For each leaf, whether the result of `function` depends on it."""
 
     def of(leaves: list) -> Any:
         return function(eqx.combine(jax.tree.unflatten(structure, leaves), rest))
@@ -31,11 +31,11 @@ def _read(function: Callable, shapes: list, structure: Any, rest: Any) -> tuple[
 
 
 def known_part(owner: Any, name: Hashable, function: Callable, model: Any) -> tuple[Hashable, Any] | None:
-    """What `function(model)` depends on: a key for `remember`, and the model with its values known.
+    """A key for `remember` made of what `function(model)` depends on, and the model with concrete values.
 
-    Constants that are traced and that the function does not read are 0 in the model returned.
-    Arguments: owner an equinox module that keeps what is found; name of the function, which is traced once for each
-        structure of the model. Returns: None if the function reads a constant that is traced.
+    `owner` is the equinox module that keeps the result. `name` identifies the function, which is traced once for each
+    structure of the model. In the returned model, traced constants that the function does not read are 0. The result is
+    None if the function reads a traced constant.
     """
     arrays, rest = eqx.partition(model, eqx.is_array)
     leaves, structure = jax.tree.flatten(arrays)

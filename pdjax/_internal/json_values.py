@@ -1,4 +1,4 @@
-"""Values that JSON can hold."""
+"""Conversion of values to those that JSON can hold."""
 
 import math
 from collections.abc import Callable
@@ -8,9 +8,10 @@ import numpy as np
 
 
 def plain(value: Any, not_finite: Callable[[float], Any] = str) -> Any:
-    """The tree of dictionaries and lists with NumPy scalars as Python's.
+    """The tree of dictionaries and lists with NumPy scalars converted to Python numbers.
 
-    JSON has no infinity and no NaN: `not_finite` gives what stands in their place, by default the word.
+    JSON has no infinity and no NaN. `not_finite` gives the value that replaces such a number, by default its name as a
+    string.
     """
     if isinstance(value, dict):
         return {k: plain(v, not_finite) for k, v in value.items()}

@@ -1,9 +1,10 @@
-"""What has been checked or prepared for a families object, remembered as long as that object lives.
+"""Results that are computed once for an object, such as the families of a body, and kept as long as the object exists.
 
 A check of shape tensors or the reference sums of a force depend on the model and the families, not on the displacement.
-`remember` computes such a thing once for each pair. The memory belongs to the object itself: it is found through a weak
-reference that is compared with the object at every look, it holds at most `MOST` entries, and it goes with the object.
-A module changed by `eqx.tree_at` is another object and starts with no memory.
+`remember` computes such a result once for each pair of a model and families. The results of an object are found by its
+`id`. A weak reference confirms at each look-up that the `id` still belongs to this object, and the results are deleted
+together with the object. An object has at most `MOST` results. A module changed by `eqx.tree_at` is a new object, which
+starts with none.
 """
 
 import hashlib
@@ -15,15 +16,15 @@ from typing import Any
 import jax
 import numpy as np
 
-MOST = 32  # entries an object keeps; the one that was not used for longest goes first
-LARGEST = 2**30  # bytes of all arrays that an object's entries hold; a larger single entry stays alone
-SMALL = 64  # numbers in an array up to which its values are compared, not its identity
+MOST = 32  # results of one object; the least recently used one is deleted first
+LARGEST = 2**30  # bytes of all arrays in the results of one object; a single larger result is kept alone
+SMALL = 64  # arrays of up to this many numbers are compared by value, larger ones by identity
 
 _MEMORIES: dict[int, tuple[weakref.ref, OrderedDict]] = {}
 
 
 class _Same:
-    """An immutable array as a key: equal to itself alone, and alive as long as the key."""
+    """An immutable array as a key, equal only to itself. The key keeps the array alive."""
 
     def __init__(self, array: jax.Array):
         self.array = array
@@ -56,12 +57,12 @@ def _bytes(memory: OrderedDict) -> int:
 
 
 def remember(owner: Any, key: Hashable, make: Callable[[], Any]) -> Any:
-    """`make()`, computed once for this owner (an equinox module) and key, even while something else is traced."""
+    """`make()`, computed once for each owner (an equinox module) and key, also while another function is traced."""
     memory = _memory(owner)
     if key in memory:
         memory.move_to_end(key)
         return memory[key]
-    with jax.core.eval_context():  # `ensure_compile_time_eval` would take the programs of `make` apart
+    with jax.core.eval_context():  # `ensure_compile_time_eval` would split the programs of `make`
         value = make()
     memory[key] = value
     while len(memory) > MOST or (len(memory) > 1 and _bytes(memory) > LARGEST):
@@ -70,9 +71,9 @@ def remember(owner: Any, key: Hashable, make: Callable[[], Any]) -> Any:
 
 
 def value_key(tree: Any) -> Hashable | None:
-    """A key that is equal for trees of the same structure and values; None if a value is traced.
+    """A key that is equal for trees of the same structure and values. It is None if a value is traced.
 
-    Small arrays and NumPy arrays are compared by value, large JAX arrays, which can't change, by identity.
+    Small arrays and NumPy arrays are compared by value. Large JAX arrays are immutable and compared by identity.
     """
     leaves, structure = jax.tree.flatten(tree)
     parts: list[Hashable] = [structure]

@@ -1,4 +1,4 @@
-"""Where the content of modules of earlier versions is now: importing one of them says so."""
+"""The new places of modules of earlier versions. The import of an earlier module raises an error that names them."""
 
 import sys
 from importlib.abc import MetaPathFinder
@@ -64,19 +64,13 @@ MOVED = {
 
 
 def hint(name: str) -> str:
-    """The end of an error message about the module `pdjax.name`; empty for a module that never was."""
-    whole = MOVED.get(name) or next(
-        (f"{new}.{name[len(old) + 1 :]}" for old, new in _packages() if name.startswith(f"{old}.")), None
-    )
-    return "" if whole is None else f"; its content is in pdjax.{whole} now, and its public names in pdjax itself"
-
-
-def _packages() -> list[tuple[str, str]]:
-    return [(old, new) for old, new in MOVED.items() if old in ("statics", "dynamics", "closed_forms", "paper")]
+    """The end of the error message for the earlier module `pdjax.name`. It is empty if no such module existed."""
+    place = MOVED.get(name)
+    return "" if place is None else f"; its content is now in pdjax.{place}, and its public names are in pdjax itself"
 
 
 class _Finder(MetaPathFinder):
-    """Finds no module: it raises an error with a hint where Python would raise one without."""
+    """A finder that finds no module. For a module that has moved it raises an error that names the new place."""
 
     def find_spec(self, fullname: str, path: Any = None, target: Any = None) -> None:
         """Raise ModuleNotFoundError for a module that has moved."""
@@ -86,6 +80,6 @@ class _Finder(MetaPathFinder):
 
 
 def install() -> None:
-    """Let imports of modules that have moved say where their content is."""
+    """Add the finder, so that the import of a module that has moved names its new place."""
     if not any(isinstance(finder, _Finder) for finder in sys.meta_path):
         sys.meta_path.append(_Finder())

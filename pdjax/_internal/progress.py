@@ -1,4 +1,4 @@
-"""How far a job has come, in one line of the terminal's error stream; silent where that is not a terminal."""
+"""The progress of a job on one line of the error stream. Nothing is shown if the stream is not a terminal."""
 
 import sys
 import time
@@ -9,7 +9,7 @@ T = TypeVar("T")
 
 
 def progress(items: Iterable[T], total: int, label: str, show: bool) -> Iterator[T]:
-    """Yield the items, drawing how many of `total` are done and the time left."""
+    """Yield the items. Show how many of `total` are done and an estimate of the time left."""
     show = show and sys.stderr.isatty()
     start = time.monotonic()
     for done, item in enumerate(items):
@@ -24,20 +24,20 @@ def progress(items: Iterable[T], total: int, label: str, show: bool) -> Iterator
 
 
 class Residuals(list[float]):
-    """Residuals of a solver, the last of them shown with the load factor that it is solving for."""
+    """Residuals of a solver. The terminal shows the latest residual and the current load factor."""
 
     def __init__(self, factor: float, show: bool):
         super().__init__()
         self.factor, self.show = factor, show and sys.stderr.isatty()
 
     def append(self, residual: float) -> None:
-        """Keep a residual, and show it."""
+        """Append a residual and show it."""
         super().append(residual)
         if self.show:
             words = f"load factor {self.factor:.4g}, iteration {len(self) - 1}, relative residual {residual:.1e}"
             print(f"\r{words:<79}", end="", file=sys.stderr, flush=True)
 
     def end(self) -> None:
-        """Leave the line."""
+        """End the line on the terminal."""
         if self.show:
             print(file=sys.stderr)

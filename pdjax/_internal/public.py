@@ -1,7 +1,8 @@
-"""What a public function says where something of the wrong kind was given: a word, not what Python met inside.
+"""Error messages of public functions that name an argument of the wrong kind.
 
-Nothing is looked at unless a call has failed. Then the arguments are held against the annotations: a parameter
-annotated with a class of pdjax must be of it, and one annotated as numbers must not be an object, a text or None.
+The arguments are examined only after a call has failed, so a successful call takes no extra time. They are compared
+with the annotations of the parameters. An argument must be an instance of the class of pdjax that its parameter is
+annotated with. If the parameter is annotated as numbers, the argument must not be another object, a string or None.
 """
 
 import functools
@@ -20,7 +21,7 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 
 HOME = str(Path(__file__).parents[1])
 EARLIER = {"fam": "family", "fams": "families"}  # earlier names of arguments, still accepted
-MADE = {  # how each kind is made
+MADE = {  # how a user obtains an object of each class
     "Scene": "pdjax.scene(…) or a function of pdjax.scenes",
     "Motion": "pdjax.motion(scene, density) or a moving scene of pdjax.scenes",
     "Points": "lattice, bar, plate, cuboid or cloud",
@@ -38,7 +39,7 @@ MADE = {  # how each kind is made
 
 
 def _kinds(hint: Any) -> tuple[type, ...]:
-    """The classes an annotation allows; empty if it says nothing of classes."""
+    """The classes that an annotation allows. The result is empty if the annotation names no class."""
     if isinstance(hint, types.UnionType) or typing.get_origin(hint) is typing.Union:
         return tuple(k for part in typing.get_args(hint) for k in _kinds(part))
     origin = typing.get_origin(hint)
@@ -48,7 +49,7 @@ def _kinds(hint: Any) -> tuple[type, ...]:
 
 
 def _misfit(name: str, value: Any, hint: Any, default: Any) -> str | None:
-    """What is wrong with an argument, in words, or None."""
+    """The error message for an argument of the wrong kind, or None if the argument fits."""
     if value is default:
         return None
     kinds = _kinds(hint)
@@ -59,9 +60,9 @@ def _misfit(name: str, value: Any, hint: Any, default: Any) -> str | None:
         return None if fits else f"{name} must be {names} ({'; '.join(told)}); got {_shown(value)}"
     if "Callable" in str(hint):
         return None if callable(value) or isinstance(value, str) else f"{name} must be a function; got {_shown(value)}"
-    if Sequence in kinds and isinstance(value, str) and str not in kinds:  # a text is a sequence too
+    if Sequence in kinds and isinstance(value, str) and str not in kinds:  # a string is a sequence too
         return f"{name} must be numbers; got {_shown(value)}"
-    if hasattr(value, "_fields") and not any(hasattr(k, "_fields") for k in kinds):  # a record of ours is a tuple
+    if hasattr(value, "_fields") and not any(hasattr(k, "_fields") for k in kinds):  # a named tuple of pdjax
         return f"{name} must be numbers; got {_shown(value)}"
     if kinds and not any(issubclass(k, int | float | complex | np.ndarray | np.generic | jax.Array) for k in kinds):
         names = " or ".join(k.__name__ for k in kinds if k is not types.NoneType)
@@ -83,15 +84,23 @@ def _shown(value: Any) -> str:
 
 
 def _own(error: BaseException) -> bool:
-    """Whether the package raised it, not something that it calls."""
+    """True if a line of the package raised the error, not a function of another library."""
     last, trace = None, error.__traceback__
     while trace is not None:
         last, trace = trace.tb_frame.f_code.co_filename, trace.tb_next
     return last is not None and last.startswith(HOME)
 
 
+def _annotations(function: Callable) -> dict[str, Any]:
+    """The annotations of a function. Names of packages that are imported only on use are left out."""
+    try:
+        return typing.get_type_hints(function)
+    except NameError:
+        return {name: hint for name, hint in function.__annotations__.items() if not isinstance(hint, str)}
+
+
 def public_function(function: Function) -> Function:
-    """The function with errors that name the argument of a wrong kind; it takes older names of arguments too."""
+    """Decorate a function: errors name an argument of the wrong kind, and earlier argument names are accepted."""
     signature = inspect.signature(function)
     renamed = {old: new for old, new in EARLIER.items() if new in signature.parameters}
 
@@ -108,8 +117,8 @@ def public_function(function: Function) -> Function:
             try:
                 given = signature.bind(*args, **kwargs).arguments
             except TypeError:
-                raise error from None  # Python's own words of a wrong name
-            hints = typing.get_type_hints(function)
+                raise error from None  # Python's message names the unknown or missing argument
+            hints = _annotations(function)
             for name, value in given.items():
                 parameter = signature.parameters[name]
                 if parameter.kind in (parameter.VAR_POSITIONAL, parameter.VAR_KEYWORD):
@@ -120,7 +129,7 @@ def public_function(function: Function) -> Function:
             shapes = ", ".join(f"{n} {np.shape(v)}" for n, v in given.items() if isinstance(v, np.ndarray | jax.Array))
             if shapes and isinstance(error, TypeError | ValueError | IndexError):
                 error.add_note(
-                    f"{function.__name__} was given arrays of the shapes {shapes}; its docstring tells the right ones"
+                    f"{function.__name__} was given arrays of the shapes {shapes}; its docstring states the right ones"
                 )
             raise
 

@@ -1,4 +1,7 @@
-"""Work shared between the cores of the machine, in threads: compiled programs and scipy release Python's lock."""
+"""Work shared between the cores of the machine by threads.
+
+Threads are sufficient, because compiled programs and scipy release Python's global lock.
+"""
 
 import os
 from collections.abc import Callable, Iterator, Sequence
@@ -15,9 +18,9 @@ def cores() -> int:
 
 
 def in_threads(do: Callable[[Item], Answer], items: Sequence[Item]) -> Iterator[Answer]:
-    """Yield `do(item)` of every item, in order; as many at once as there are cores.
+    """Yield `do(item)` for every item, in order. As many items run at once as there are cores.
 
-    An error, or a caller that stops, cancels what has not begun.
+    If an item raises an error or the caller stops, the items that have not started are cancelled.
     """
     with ThreadPoolExecutor(max(1, min(cores(), len(items)))) as pool:
         running = [pool.submit(do, item) for item in items]

@@ -50,8 +50,8 @@ def _call(operator: ForceOperator, u: jax.Array) -> jax.Array:
 
 def _there_and_back(back: int, plan: Convolution, x: jax.Array) -> jax.Array:
     """(fields, points) → Fourier space, and `back` of them back."""
-    spectra = plan._forth(x.reshape(len(x), *plan.cells))
-    return plan._back(jnp.concatenate([spectra] * -(-back // len(x)))[:back])
+    spectra = plan.forward(x.reshape(len(x), *plan.cells))
+    return plan.inverse(jnp.concatenate([spectra] * -(-back // len(x)))[:back])
 
 
 def evaluate(model: str, way: str, n: int, horizon: float) -> dict:

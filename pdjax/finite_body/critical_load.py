@@ -32,7 +32,16 @@ from .._internal.checks import in_double
 from .._internal.public import public_function
 from .factorisation import Factor, Singular, as_operator, count_positive, matrix, product_rate, unknown_volumes
 from .scene import Scene, frozen
-from .spectrum import _full, _norm, _scaled, _tolerance, closed_form, nearest, need_energy, shifted
+from .spectrum import (
+    closed_form,
+    full_displacement,
+    nearest,
+    need_energy,
+    norm_of,
+    scaled_matrix,
+    shifted,
+    zero_tolerance,
+)
 
 PROOF = 1e-6  # relative distance from λ of the two matrix factorisations that prove the crossing
 MOST = 60  # matrix factorisations after which the search stops
@@ -99,9 +108,9 @@ class _Walk:
         """H at a load factor and the product v ↦ H'v. H is shifted by the tolerance of the first load factor."""
         scene, root = self.scene, self.root
         u, du = self.along(factor)
-        H = _scaled(matrix(scene, u, factor), root)
+        H = scaled_matrix(matrix(scene, u, factor), root)
         if self.shift == 0.0:
-            self.shift = _tolerance(_norm(H), u.dtype)
+            self.shift = zero_tolerance(norm_of(H), u.dtype)
         rate = as_operator(lambda v: np.asarray(product_rate(scene, u, factor, du, v / root)) / root, H.shape[0])
         return shifted(H, self.shift), rate
 
@@ -119,7 +128,7 @@ class _Walk:
 
     def answer(self, factor: float, w: np.ndarray | None, proved: bool) -> BodyCritical:
         """The result, with the record of all matrix factorisations."""
-        mode = None if w is None else _full(self.scene, w, self.root)
+        mode = None if w is None else full_displacement(self.scene, w, self.root)
         return BodyCritical(float(factor), mode, tuple(self.seen), proved)
 
 

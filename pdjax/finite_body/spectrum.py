@@ -111,7 +111,7 @@ def _state(scene: Scene, u, factor) -> Array:
     return point_field(u, scene.families)
 
 
-def _tolerance(norm: float, dtype: Any) -> float:
+def zero_tolerance(norm: float, dtype: Any) -> float:
     """64 eps ‖H‖. Smaller eigenvalues count as zero.
 
     The zero modes of free bars have eigenvalues of 2 to 9 eps ‖H‖ (measured).
@@ -119,7 +119,7 @@ def _tolerance(norm: float, dtype: Any) -> float:
     return 64 * float(jnp.finfo(dtype).eps) * norm
 
 
-def _norm(H: Any) -> float:
+def norm_of(H: Any) -> float:
     """‖H‖ from a few Lanczos steps: a lower bound, less than one per cent too small."""
     import scipy.sparse.linalg as sla
 
@@ -128,7 +128,7 @@ def _norm(H: Any) -> float:
     return float(abs(sla.eigsh(H, k=1, which="LM", tol=1e-3, return_eigenvectors=False)[0]))
 
 
-def _full(scene: Scene, w: np.ndarray, root: np.ndarray) -> np.ndarray:
+def full_displacement(scene: Scene, w: np.ndarray, root: np.ndarray) -> np.ndarray:
     """The mode v on all points, of unit length, from the eigenvector w of H."""
     v = np.zeros(scene.prescribed.size)
     v[np.asarray(scene.unknowns)] = w / root
@@ -146,7 +146,7 @@ def need_energy(scene: Scene) -> None:
         )
 
 
-def _scaled(A: sp.csc_array, root: np.ndarray) -> sp.csc_array:
+def scaled_matrix(A: sp.csc_array, root: np.ndarray) -> sp.csc_array:
     D = sp.diags_array(1 / root)
     return (D @ A @ D).tocsc()
 
@@ -266,7 +266,7 @@ def body_spectrum(scene: Scene, u=None, count: int | None = None, factor: float 
         H: Any = as_operator(lambda v: np.asarray(product(scene, q, factor, v / root)) / root, size)
         entries = H @ np.ones(size)
     else:
-        H = _scaled(matrix(scene, u, factor), root)
+        H = scaled_matrix(matrix(scene, u, factor), root)
         entries = H.data
     if not np.isfinite(entries).all():  # where a force is not finite, its derivatives are not finite either
         raise ValueError("the forces at u are not finite: a bond has length zero, or u contains NaN")
@@ -274,13 +274,13 @@ def body_spectrum(scene: Scene, u=None, count: int | None = None, factor: float 
         values, vectors = np.linalg.eigh(H.toarray())
         values, vectors = values[::-1], vectors[:, ::-1]
         norm = float(np.abs(values).max())
-        tolerance = _tolerance(norm, u.dtype)
+        tolerance = zero_tolerance(norm, u.dtype)
         positive = int((values > tolerance).sum())
         values, vectors = values[:count], vectors[:, :count]
     else:
         k = min(count or 1, size - 1)
-        norm = _norm(H)
-        tolerance = _tolerance(norm, u.dtype)
+        norm = norm_of(H)
+        tolerance = zero_tolerance(norm, u.dtype)
         if method == "sparse":
             values, vectors, positive, factors = _certified_top(H, k, tolerance)
         else:
@@ -289,7 +289,7 @@ def body_spectrum(scene: Scene, u=None, count: int | None = None, factor: float 
             values, vectors = sla.eigsh(H, k=k, which="LA", tol=1e-11, ncv=min(size, max(40, 3 * k)), maxiter=2000)
             values, vectors = values[::-1], vectors[:, ::-1]
     residuals = np.array([np.linalg.norm(H @ w - x * w) for x, w in zip(values, vectors.T, strict=True)])
-    modes = np.array([_full(scene, w, root) for w in vectors.T])
+    modes = np.array([full_displacement(scene, w, root) for w in vectors.T])
     about = {
         "norm": norm,
         "tolerance": tolerance,
@@ -382,5 +382,5 @@ def body_inertia(scene: Scene, u=None, factor: float = 1.0) -> int:
     """
     need_energy(scene)
     u = _state(scene, u, factor)
-    H = _scaled(matrix(scene, u, factor), np.sqrt(unknown_volumes(scene)))
-    return count_positive(shifted(H, _tolerance(_norm(H), u.dtype)))
+    H = scaled_matrix(matrix(scene, u, factor), np.sqrt(unknown_volumes(scene)))
+    return count_positive(shifted(H, zero_tolerance(norm_of(H), u.dtype)))

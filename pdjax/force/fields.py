@@ -1,14 +1,27 @@
-"""Forces and energies of bodies and of single families.
+"""Force states, force densities, energies, strains and stresses of bodies and of single families.
 
     f_i = Σ_j [t(A_i, A_j, bond) − t(A_j, A_i, −bond)] V_j = −(1/V_i) ∂Π/∂u_i,   Π = Σ_i V_i W_i
 
-Where bonds are streamed (`pdjax.force.backends`), only the point state A travels between points. Where all bonds of a body go at
-once, the force state T of whole families does: f_i = Σ_j (T_ij − T_ji) V_j, and the reverse-bond index finds T_ji.
-A model of two stages sends its states out, and the forces on them back (`models.base`).
+    f_i [force/length^dim]    net internal force density of point i
+    A_i                       point state: what the bonds of point i need of its family
+    t [force/length^(2 dim)]  force state on one bond, the material model
+    V_j [length^dim]          volume of point j
+    W_i [energy/length^dim]   energy density of point i
+    Π [energy]                strain energy of the body
 
-What travels goes through an `Exchange`, so that the symbol of a periodic cell can turn its phase on the way.
+A point needs data of its neighbours. How much depends on the evaluation:
 
-A model's constants may vary from point to point: a leaf whose first axis is as long as the body has points.
+* The backends that stream over the bonds (`pdjax.force.backends`) read only the point states A of the neighbours.
+* This module evaluates all bonds of a body at once, and reads the force states T of whole families:
+  f_i = Σ_j (T_ij − T_ji) V_j. The reverse-bond index finds T_ji.
+* A model of two stages (`models.base`) first reads the states of the neighbours. It then collects the forces on its own
+  state from them.
+
+All these readings go through an `Exchange`. The symbol of a periodic cell uses it to multiply the data of another cell
+by the phase factor of the wave.
+
+The constants of a model may vary from point to point. A constant does so if the first axis of its array is as long as
+the body has points.
 """
 
 from collections.abc import Callable
@@ -30,32 +43,38 @@ from .shape_tensors import check_shape_tensors
 
 
 class Exchange(NamedTuple):
-    """How points hear of each other: `far` (points, …) → (points, bonds, …) is a quantity at the other end of a bond;
-    `back` (points, bonds, …) → the same is that of the reverse bond, kept by the other end."""
+    """The two functions by which points read data of their neighbours.
+
+    `far` maps a quantity of the points (points, …) to (points, bonds, …), its values at the other ends of the bonds.
+    `back` maps a quantity of the bonds (points, bonds, …) to the same shape, its values on the reverse bonds j → i.
+    """
 
     far: Callable[[Array], Array]
     back: Callable[[Array], Array]
 
 
 def plain_exchange(families: Families) -> Exchange:
-    """Within a body: by the neighbours' indices."""
+    """The exchange within a body, by the indices of the neighbours."""
     return Exchange(lambda x: x[families.neighbours], lambda x: x[families.neighbours, families.reverse])
 
 
 _NEEDED = {
-    LatticeFamily: "an infinite lattice is one LatticeFamily, of pd.lattice_family(dim, N)",
-    Families: "a body has Families, of pd.families(body, horizon)",
+    LatticeFamily: "this function is for an infinite lattice and needs a LatticeFamily, from pd.lattice_family(dim, N)",
+    Families: "this function is for a body and needs Families, from pd.families(body, horizon)",
 }
 
 
 def check_model(
     model: AbstractModel, families: LatticeFamily | Families, kind: type[LatticeFamily] | type[Families]
 ) -> None:
-    """Refuse what is not of the kind a function takes, one `LatticeFamily` or the `Families` of a body; and a family whose
-    shape tensor the model needs and can't invert, with the point's index.
+    """Raise ValueError if a function cannot use this model with these families.
 
-    Shape tensors are looked at once for each families object; a model or families that `eqx.tree_at` has changed are
-    looked at anew. Nothing is said of values that are traced.
+    `kind` is what the function needs: one `LatticeFamily`, or the `Families` of a body. The other checks are the
+    dimension of the model and the shape tensors: a model that inverts a shape tensor needs it invertible at every
+    point. The message names the first point where it is singular.
+
+    Shape tensors are checked once for each families object. A model or families changed by `eqx.tree_at` are checked
+    again. Traced values are not checked.
     """
     if not isinstance(families, kind):
         raise ValueError(f"{_NEEDED[kind]}; got {type(families).__name__}")
@@ -66,8 +85,7 @@ def check_model(
         raise ValueError(
             f"{type(model).__name__} is defined in dimension {allowed}; this family has dim {families.dim}"
         )
-    if isinstance(families, LatticeFamily):
-        _refuse_varying(model)
+    _check_constants(model, families)
     if is_concrete(families):
         check_shape_tensors(model, families)
 
@@ -75,18 +93,25 @@ def check_model(
 _ONE_NUMBER = {"c", "m", "bulk", "shear", "g", "C", "r", "lam", "mu", "factor"}
 
 
-def _refuse_varying(model: AbstractModel) -> None:
-    """On a lattice family all points are alike: a constant that varies from point to point has no meaning."""
+def _check_constants(model: AbstractModel, families: LatticeFamily | Families) -> None:
+    """Raise ValueError for a constant that is neither one number nor, for a body, one number for each point."""
     for path, leaf in jax.tree_util.tree_leaves_with_path(model):
-        name = getattr(path[-1], "name", "")
-        if name in _ONE_NUMBER and np.ndim(leaf) > 0:
+        name, shape = getattr(path[-1], "name", ""), np.shape(leaf)
+        if name not in _ONE_NUMBER or not shape:
+            continue
+        if isinstance(families, LatticeFamily):
             raise ValueError(
-                f"{name} of {type(model).__name__} must be one number on a lattice family; got shape {np.shape(leaf)}"
+                f"{name} of {type(model).__name__} must be one number on a lattice family; got shape {shape}"
+            )
+        if shape != (len(families),):
+            raise ValueError(
+                f"{name} of {type(model).__name__} must be one number, or one for each of the {len(families)} points,"
+                f" shape ({len(families)},); got shape {shape}"
             )
 
 
 def point_field(u, families: Families, name: str = "u") -> Array:
-    """`u` as a (points, dim) array, refused where its shape is wrong or it is not finite."""
+    """Convert `u` to an array (points, dim). Raises ValueError if its shape is wrong or a value is not finite."""
     known = is_concrete(u)
     u = u if isinstance(u, jax.Array) else native(name, u) if known else jnp.asarray(u)
     if u.shape != (len(families), families.dim):
@@ -106,7 +131,7 @@ def mean_deformation(F, families: Families) -> Array | None:
 
 
 def body_state(model: AbstractModel, families: Families, u, F=None) -> tuple[Array, Array | None]:
-    """The checked displacement and mean deformation (or None) of a body whose bonds are needed."""
+    """Check model, families, u and F, and return u and F as arrays. The families must have arrays of bonds."""
     check_model(model, families, Families)
     u, F = point_field(u, families), mean_deformation(F, families)
     families.need_arrays()
@@ -120,10 +145,37 @@ def _family_state(model: AbstractModel, family: LatticeFamily, F: Array) -> Arra
 
 @public_function
 def force_state(model: AbstractModel, family: LatticeFamily, F) -> Float[Array, "bonds dim"]:
-    """T of one lattice family under the homogeneous deformation x = F X.
+    """Compute the force state T on every bond of an infinite lattice under a homogeneous deformation.
 
-    Arguments: F (dim, dim) [-], det F > 0.  Returns: (bonds, dim) [force/length^(2 dim)].
-    Raises: ValueError for det F ≤ 0, NaN, or a family whose shape tensor the model can't invert.
+    T_b = (1/V) ∂W/∂η_b  at  x = F X
+
+    Parameters
+    ----------
+    model : AbstractModel
+        The material model. Its constants must be single numbers.
+    family : LatticeFamily
+        Family of the lattice, from `lattice_family`.
+    F : array, shape (dim, dim)
+        Deformation gradient [-], det F > 0.
+
+    Returns
+    -------
+    array, shape (bonds, dim)
+        T [force/length^(2 dim)], in the order of `family.xi`.
+
+    Raises
+    ------
+    ValueError
+        If F is not finite or det F ≤ 0, or if the model cannot invert the shape tensor of the family.
+
+    Examples
+    --------
+    A bar with λ + 2μ = 3 is stretched by 10 %. Its two bonds pull with T = ± F S/2 = ± 1.1 · 3 · 0.105/2.
+
+    >>> model = pd.SethHill(1.0, pd.LinearElastic(1.0, 1.0))
+    >>> T = pd.force_state(model, pd.lattice_family(1, 1), np.array([[1.1]]))
+    >>> np.asarray(T).ravel().round(4).tolist()
+    [0.1733, -0.1733]
     """
     check_model(model, family, LatticeFamily)
     return _family_state(model, family, deformation_gradient(F, family.dim))
@@ -131,16 +183,44 @@ def force_state(model: AbstractModel, family: LatticeFamily, F) -> Float[Array, 
 
 @public_function
 def piola_stress(model: AbstractModel, family: LatticeFamily, F) -> Float[Array, "dim dim"]:
-    """P = Σ V T⊗ξ = ∂W/∂F over affine maps [pressure]: the first Piola–Kirchhoff stress of a homogeneous state.
+    """Compute the first Piola–Kirchhoff stress P of an infinite lattice under a homogeneous deformation.
 
-    Arguments, errors: as `force_state`.
+    P = Σ_b V T_b⊗ξ_b = ∂W/∂F  at  x = F X
+
+    Parameters
+    ----------
+    model : AbstractModel
+        The material model. Its constants must be single numbers.
+    family : LatticeFamily
+        Family of the lattice, from `lattice_family`.
+    F : array, shape (dim, dim)
+        Deformation gradient [-], det F > 0.
+
+    Returns
+    -------
+    array, shape (dim, dim)
+        P [pressure].
+
+    Raises
+    ------
+    ValueError
+        If F is not finite or det F ≤ 0, or if the model cannot invert the shape tensor of the family.
+
+    Examples
+    --------
+    A bar with λ + 2μ = 3 is stretched by 10 %: P = F S = 1.1 · 3 · (1.1² − 1)/2.
+
+    >>> model = pd.SethHill(1.0, pd.LinearElastic(1.0, 1.0))
+    >>> P = pd.piola_stress(model, pd.lattice_family(1, 1), np.array([[1.1]]))
+    >>> round(float(P[0, 0]), 4)
+    0.3465
     """
     check_model(model, family, LatticeFamily)
     return _compiled_stress(model, family, deformation_gradient(F, family.dim))
 
 
 def affine_stress(model: AbstractModel, family: LatticeFamily, F: Float[Array, "dim dim"]) -> Float[Array, "dim dim"]:
-    """`piola_stress` unchecked, for drivers to trace."""
+    """`piola_stress` without checks. Compiled functions trace it."""
     bonds = family.bonds(F)
     return jnp.einsum("b,bi,bj->ij", bonds.volume, model.force_state(bonds), bonds.xi)
 
@@ -149,7 +229,7 @@ _compiled_stress = eqx.filter_jit(affine_stress)
 
 
 def _by_both_ends(method: str, model: AbstractModel, bonds: Bonds, exchange: Exchange) -> Array:
-    """model.method(A_here, A_there, bond) on every bond, with the constants of the point whose bond it is."""
+    """model.method(A_here, A_there, bond) on every bond, with the constants of the point to which the bond belongs."""
     varying, shared = split_model(model, bonds.xi.shape[0])
     bonds, empty = regular(bonds)
     state = of_each_point("point_state", model, bonds)
@@ -165,7 +245,7 @@ def _by_both_ends(method: str, model: AbstractModel, bonds: Bonds, exchange: Exc
 def force_states(
     model: AbstractModel, volumes: Float[Array, " points"], bonds: Bonds, exchange: Exchange
 ) -> Float[Array, "points bonds dim"]:
-    """T of every bond of a body; unchecked, for drivers to trace. Each kind of model registers its own."""
+    """T on every bond of a body, without checks. Each kind of model registers its own function."""
     if not model.needs_other_end:
         return each_point("force_state", model, bonds)
     return _by_both_ends("bond_force", model, bonds, exchange)
@@ -173,7 +253,7 @@ def force_states(
 
 @force_states.register(TwoStageModel)
 def _two_stage_states(model: TwoStageModel, volumes: Array, bonds: Bonds, exchange: Exchange) -> Array:
-    """T by both stages: states out, bond energies, the forces on the states back."""
+    """T by both stages: the point states, the bond energies that depend on them, and the forces on the states."""
     varying, shared = split_model(model, bonds.xi.shape[0])
     bonds, empty = regular(bonds)
 
@@ -199,7 +279,7 @@ def _two_stage_states(model: TwoStageModel, volumes: Array, bonds: Bonds, exchan
 
 @singledispatch
 def energies(model: AbstractModel, families: Families, bonds: Bonds) -> Float[Array, " points"]:
-    """W of every point of a body; unchecked. Each kind of model registers its own."""
+    """W of every point of a body, without checks. Each kind of model registers its own function."""
     return each_point("energy", model, bonds)
 
 
@@ -210,9 +290,10 @@ def _two_stage_energies(model: TwoStageModel, families: Families, bonds: Bonds) 
 
 @eqx.filter_jit
 def whole_force(model: AbstractModel, families: Families, bonds: Bonds) -> Float[Array, "points dim"]:
-    """f of any model, all bonds at once; unchecked.
+    """f of any model, computed from all bonds at once and without checks.
 
-    Also with a point state it is T that travels: the program then holds the bond force once, not once for each end.
+    Points exchange T even if the model has a point state. The program then contains the bond force once instead of once
+    for each end of a bond.
     """
     exchange = plain_exchange(families)
     T = force_states(model, families.volumes, bonds, exchange)
@@ -228,7 +309,7 @@ def _energies(model: AbstractModel, families: Families, u: Array, F: Array | Non
     return energies(model, families, families.bonds(u, F))
 
 
-energy_of_each = eqx.filter_jit(_energies)  # W of every point, unchecked
+energy_of_each = eqx.filter_jit(_energies)  # W of every point, without checks
 
 
 @eqx.filter_jit
@@ -238,19 +319,125 @@ def _each_point(method: str, model: AbstractModel, families: Families, u: Array,
 
 @public_function
 def strain_energy(model: AbstractModel, families: Families, u, F=None) -> Float[Array, ""]:
-    """Π = Σ_i V_i W_i [energy] of a body; arguments and errors as `force_density`."""
+    """Compute the strain energy of a body.
+
+    Π = Σ_i V_i W_i
+
+    Parameters
+    ----------
+    model : AbstractModel
+        The material model.
+    families : Families
+        Families of the body, from `families`.
+    u : array, shape (points, dim)
+        Displacements [length].
+    F : array, shape (dim, dim), optional
+        Mean deformation gradient [-] of a periodic body; the identity by default.
+
+    Returns
+    -------
+    array, shape ()
+        Π [energy].
+
+    Raises
+    ------
+    ValueError
+        If u or F has a wrong shape or is not finite, det F ≤ 0, the model cannot invert a shape tensor, or the families
+        were made with `arrays=False`.
+
+    Examples
+    --------
+    A plate of 20 points of volume 1 is stretched by 10 % with its width held. The strain is E₁₁ = 0.105 and the energy
+    is Π = 20 · ½ (λ + 2μ) E₁₁².
+
+    >>> families = pd.families(pd.lattice((5, 4)), horizon=2.1)
+    >>> model = pd.SethHill(1.0, pd.LinearElastic(1.0, 1.0))
+    >>> energy = pd.strain_energy(model, families, np.zeros((20, 2)), np.diag([1.1, 1.0]))
+    >>> round(float(energy), 5)
+    0.33075
+    """
     return _energy(model, families, *body_state(model, families, u, F))
 
 
 @public_function
 def strain(model: AbstractModel, families: Families, u, F=None) -> Float[Array, "points dim dim"]:
-    """The model's own strain at every point [-]: Ē_m for Seth–Hill, else Green–Lagrange of F̄."""
+    """Compute the strain of every point, in the measure that the model uses.
+
+    Parameters
+    ----------
+    model : AbstractModel
+        The material model.
+    families : Families
+        Families of the body, from `families`.
+    u : array, shape (points, dim)
+        Displacements [length].
+    F : array, shape (dim, dim), optional
+        Mean deformation gradient [-] of a periodic body; the identity by default.
+
+    Returns
+    -------
+    array, shape (points, dim, dim)
+        Strain [-]: Ē_m for `SethHill`, and the Green–Lagrange strain of F̄ for models without a measure of their own.
+
+    Raises
+    ------
+    ValueError
+        If u or F has a wrong shape or is not finite, det F ≤ 0, the model cannot invert a shape tensor, or the families
+        were made with `arrays=False`.
+
+    Examples
+    --------
+    A stretch of 10 % is the Green–Lagrange strain (1.1² − 1)/2.
+
+    >>> families = pd.families(pd.lattice((5, 4)), horizon=2.1)
+    >>> model = pd.SethHill(1.0, pd.LinearElastic(1.0, 1.0))
+    >>> E = pd.strain(model, families, np.zeros((20, 2)), np.diag([1.1, 1.0]))
+    >>> E.shape, round(float(E[0, 0, 0]), 3)
+    ((20, 2, 2), 0.105)
+    """
     return _each_point("strain", model, families, *body_state(model, families, u, F))
 
 
 @public_function
 def stress(model: AbstractModel, families: Families, u, F=None) -> Float[Array, "points dim dim"]:
-    """The model's stress at every point [pressure]: of `Correspondence`, `SethHill`, `TupekRadovitzky` the law's own,
-    S = ∂Ψ/∂E for a law in E and P = ∂ψ/∂F for a law in F; of all others P = Σ V T⊗ξ of the family (with the point's
-    own state at both ends of its bonds)."""
+    """Compute the stress of every point, in the measure that the model uses.
+
+    Parameters
+    ----------
+    model : AbstractModel
+        The material model.
+    families : Families
+        Families of the body, from `families`.
+    u : array, shape (points, dim)
+        Displacements [length].
+    F : array, shape (dim, dim), optional
+        Mean deformation gradient [-] of a periodic body; the identity by default.
+
+    Returns
+    -------
+    array, shape (points, dim, dim)
+        Stress [pressure]. `Correspondence`, `SethHill` and `TupekRadovitzky` give the stress of their law: S = ∂Ψ/∂E
+        for a law in E, and P = ∂ψ/∂F for a law in F. All other models give P = Σ V T⊗ξ of the family, where both ends
+        of a bond have the state of the point.
+
+    Raises
+    ------
+    ValueError
+        If u or F has a wrong shape or is not finite, det F ≤ 0, the model cannot invert a shape tensor, or the families
+        were made with `arrays=False`.
+
+    See Also
+    --------
+    cauchy_stress : the same measure for every model.
+
+    Examples
+    --------
+    A plate with λ = μ = 1 has the strain E₁₁ = 0.105 alone, so S = diag(λ + 2μ, λ) E₁₁.
+
+    >>> families = pd.families(pd.lattice((5, 4)), horizon=2.1)
+    >>> model = pd.SethHill(1.0, pd.LinearElastic(1.0, 1.0))
+    >>> S = pd.stress(model, families, np.zeros((20, 2)), np.diag([1.1, 1.0]))
+    >>> np.asarray(S[0]).diagonal().round(3).tolist()
+    [0.315, 0.105]
+    """
     return _each_point("stress", model, families, *body_state(model, families, u, F))

@@ -1,14 +1,20 @@
-"""The force density of a body by the cheapest way that can: one result, three ways.
+"""The force density of a body, and the choice of the backend that computes it.
 
-    families     padded neighbour arrays of any cloud; streamed slot by slot where the model is made of moments, so that
-                 memory is points and not points × bonds; all bonds at once in small bodies, which compile sooner so
-    slices       a lattice without index arrays: the neighbours of all points are one slice
-    fft          a lattice by convolutions, where moments and bond force are polynomials of degree 1 or 2 in the
-                 displacement: the cost does not grow with the horizon
+    f_i = Σ_j [T_ij − T_ji] V_j  [force/length^dim]
 
-What depends on the reference configuration alone (shape tensors, transforms of kernels) is computed once for each
-families object and for those constants of the model that it reads, and remembered with the families: a plain
-`force_density`, in a user's own `jit` too, costs what the operator of `force_operator` costs.
+Three backends compute the same f. The public argument `way` names one of them; "auto" takes the fastest by measurement.
+
+    "families"   Padded neighbour arrays of any cloud. In small bodies all bonds are evaluated at once, which compiles
+                 faster. In larger bodies a model made of moments is evaluated slot by slot, so that memory grows with
+                 the points and not with points × bonds.
+    "slices"     A lattice without index arrays: the neighbours of all points at one offset are one slice of an array.
+    "fft"        A lattice by convolutions, for models whose moments and bond force are polynomials of degree 1 or 2 in
+                 the displacement. The cost does not grow with the horizon.
+
+Some data depend on the reference configuration alone: shape tensors, sums over the undeformed family, transforms of
+kernels. They are computed once for each families object and for each set of the model constants that they depend on.
+The families object keeps them. A plain `force_density` is therefore as fast as the operator of `force_operator`, also
+inside a user's own `jax.jit`.
 """
 
 from typing import Any
@@ -40,11 +46,11 @@ from .fields import check_model, point_field
 
 BACKENDS: dict[str, Any] = {"families": padded, "slices": slices, "fft": fft}
 WAYS = ("auto", *BACKENDS)
-MANY = 100  # offsets from which transforms of degree 1 beat slices (3D, N = 3 has 122; measured in `pdjax bench ways`)
+MANY = 100  # offsets from which "fft" of degree 1 is faster than "slices" (3D, N = 3 has 122; `pdjax bench ways`)
 
 
 def ways_of(model: AbstractModel, families: Families) -> tuple[str, ...]:
-    """The ways that this model and these families can go, of "families", "slices", "fft"."""
+    """The backends that can evaluate this model on these families, out of "families", "slices" and "fft"."""
     return tuple(way for way, backend in BACKENDS.items() if backend.refusal(model, families) is None)
 
 
@@ -52,13 +58,17 @@ def _choose(model: AbstractModel, families: Families, way: str, mean: bool) -> s
     able = tuple(w for w in ways_of(model, families) if not (mean and w == "fft"))
     if way != "auto":
         if way not in able:
-            why = BACKENDS[way].refusal(model, families) or "a mean deformation F is no field on the lattice"
+            why = BACKENDS[way].refusal(model, families) or "it takes no mean deformation F"
             raise ValueError(
-                f"way {way!r} does not apply here: {why}; ways that do: {', '.join(map(repr, able)) or 'none'}"
+                f"way={way!r} cannot evaluate this model on these families: {why}; backends that can:"
+                f" {', '.join(map(repr, able)) or 'none'}"
             )
         return way
     if not able:
-        raise ValueError(f"{type(model).__name__} needs families with arrays; these were made with arrays=False")
+        raise ValueError(
+            f"{type(model).__name__} needs families with arrays, but these were made with arrays=False; make them with"
+            " arrays=True"
+        )
     if padded.is_small(families):
         return "families"
     if "fft" in able and model.degree == 1 and families.grid is not None and len(families.grid.offsets) >= MANY:
@@ -67,9 +77,34 @@ def _choose(model: AbstractModel, families: Families, way: str, mean: bool) -> s
 
 
 class ForceOperator(eqx.Module):
-    """f(u) of one model on one body, with all that does not depend on u done: call it with u (points, dim) [length].
+    """Prepared force density of one model on one body, a function of the displacement.
 
-    An operator is equal to itself alone, so that `jax.jit(operator)` and `jax.checkpoint(operator)` work.
+    `force_operator` makes it. Call it as `operator(u)`, or as `operator(u, F)` with a mean deformation.
+
+    Attributes
+    ----------
+    model : AbstractModel
+        The material model.
+    families : Families
+        Families of the body.
+    backend : Backend
+        The prepared backend.
+    way : str
+        Name of the backend: "families", "slices" or "fft".
+
+    Notes
+    -----
+    Two operators are equal only if they are the same object. `jax.jit(operator)` and `jax.checkpoint(operator)` need
+    this.
+
+    Examples
+    --------
+    >>> families = pd.families(pd.lattice((5, 4)), horizon=2.1)
+    >>> operator = pd.force_operator(pd.SethHill(1.0, pd.LinearElastic(1.0, 1.0)), families)
+    >>> operator.way
+    'families'
+    >>> float(abs(operator(np.zeros((20, 2)))).max())
+    0.0
     """
 
     model: AbstractModel
@@ -84,17 +119,35 @@ class ForceOperator(eqx.Module):
         return self is other
 
     def __call__(self, u, F=None) -> Float[Array, "points dim"]:
-        """f (points, dim) [force/length^dim]; arguments as `force_density`."""
+        """Compute the force density of the displacement u.
+
+        Parameters
+        ----------
+        u : array, shape (points, dim)
+            Displacements [length].
+        F : array, shape (dim, dim), optional
+            Mean deformation gradient [-] of a periodic body; the identity by default.
+
+        Returns
+        -------
+        array, shape (points, dim)
+            f [force/length^dim].
+
+        Raises
+        ------
+        ValueError
+            If u or F has a wrong shape or is not finite, det F ≤ 0, or the backend takes no F or no complex u.
+        """
         backend = self.backend
         if F is not None and not backend.takes_mean:
             raise ValueError(
-                f"way {self.way!r} takes no mean deformation F; prepare with way='slices' or way='families'"
+                f"way={self.way!r} takes no mean deformation F; prepare the operator with way='slices' or 'families'"
             )
         u = point_field(u, self.families)
         if jnp.issubdtype(u.dtype, jnp.complexfloating) and not backend.takes_complex:
             raise ValueError(
-                f"way {self.way!r} is for real u; got {u.dtype}: for derivatives use jax.jvp, or a body of fewer than"
-                f" {padded.SMALL} bonds, whose force is one function of all bonds"
+                f"way={self.way!r} takes real u only; got {u.dtype}. For derivatives use jax.jvp. For complex u use"
+                f" way='families' and a body of fewer than {padded.SMALL} bonds"
             )
         F = None if F is None else deformation_gradient(F, self.families.dim)
         traced = inside_jit()
@@ -106,8 +159,10 @@ class ForceOperator(eqx.Module):
 
 
 def _hidden(backend: Backend) -> Backend:
-    """Known arrays in a program of the user's, hidden from the compiler: it would compute with them while it compiles,
-    for seconds."""
+    """The backend behind an optimization barrier, for use inside a user's compiled function.
+
+    Without the barrier XLA treats the arrays as constants and computes with them during compilation, for seconds.
+    """
     arrays, rest = eqx.partition(backend, eqx.is_array)
     return eqx.combine(jax.lax.optimization_barrier(arrays), rest)
 
@@ -121,14 +176,14 @@ _evaluate_quickly = compiled_with(QUICK)(_force)
 
 
 def _backend(model: AbstractModel, families: Families, way: str) -> Backend:
-    """The prepared backend. What a model made of moments promises is tried first where streaming relies on it."""
+    """The prepared backend. Streaming relies on the promises of a model made of moments, so they are tested first."""
     if model.by_moments and not (way == "families" and padded.is_small(families)):
         check_promises(model, families.dim)
     return BACKENDS[way].prepare(model, families)
 
 
 def _prepared(model: AbstractModel, families: Families, way: str, mean: bool) -> tuple[Backend, str]:
-    """(backend, way), all checks made."""
+    """Check the arguments, and return the prepared backend and its name."""
     check_model(model, families, Families)
     way = _choose(model, families, way, mean)
     return _backend(model, families, way), way
@@ -136,10 +191,40 @@ def _prepared(model: AbstractModel, families: Families, way: str, mean: bool) ->
 
 @public_function
 def force_operator(model: AbstractModel, families: Families, way: str = "auto", mean: bool = False) -> ForceOperator:
-    """The force density of a body as a function of u, prepared: for many evaluations, under `jit` too.
+    """Prepare the force density of a body as a function of the displacement.
 
-    Arguments and errors: as `force_density`; mean: whether it will be called with a mean deformation, f(u, F).
-    Example: `f = pd.force_operator(model, families); f(u)`.
+    Parameters
+    ----------
+    model : AbstractModel
+        The material model.
+    families : Families
+        Families of the body, from `families`.
+    way : {"auto", "families", "slices", "fft"}, optional
+        Backend that computes the forces, as in `force_density`.
+    mean : bool, optional
+        True if the operator will be called with a mean deformation, `operator(u, F)`. Then "auto" does not choose
+        "fft", which takes none.
+
+    Returns
+    -------
+    ForceOperator
+        A function of u that also works under `jax.jit`, `jax.grad` and `jax.jvp`.
+
+    Raises
+    ------
+    ValueError
+        If the model cannot invert the shape tensor of a point, or the backend cannot evaluate this model or body.
+
+    Examples
+    --------
+    A uniform stretch with a mean deformation leaves no force on a periodic body.
+
+    >>> families = pd.families(pd.lattice((5, 7), periodic=True), horizon=2.1)
+    >>> model = pd.SethHill(1.0, pd.LinearElastic(1.0, 1.0))
+    >>> operator = pd.force_operator(model, families, mean=True)
+    >>> f = operator(np.zeros((35, 2)), np.diag([1.1, 1.0]))
+    >>> bool(abs(f).max() < 1e-12)
+    True
     """
     choice("way", way, WAYS)
     key = value_key(model) if isinstance(families, Families) and is_concrete(families) else None
@@ -152,14 +237,45 @@ def force_operator(model: AbstractModel, families: Families, way: str = "auto", 
 
 @public_function
 def force_density(model: AbstractModel, families: Families, u, F=None, way: str = "auto") -> Float[Array, "points dim"]:
-    """Net internal force density f of every point.
+    """Compute the net internal force density of every point.
 
-    Arguments: u (points, dim) [length]; F (dim, dim) an optional mean deformation under it, for periodic
-        bodies: η = (F − I) ξ + u_j − u_i; way "families", "slices", "fft", or "auto", the cheapest by measurement.
-    Returns: (points, dim) [force/length^dim].
-    Raises: ValueError for wrong shapes, NaN, a point whose family is too poor for the model (with its index), or a
-        way that this model or body can't go (with those it can), and outside of transformations for forces that are not
-        finite, naming the bond that has collapsed. A body of points without bonds has none: see `models.pointwise`.
+    f_i = Σ_j [T_ij − T_ji] V_j,    η_ij = (F − I) ξ_ij + u_j − u_i
+
+    Parameters
+    ----------
+    model : AbstractModel
+        The material model.
+    families : Families
+        Families of the body, from `families`.
+    u : array, shape (points, dim)
+        Displacements [length].
+    F : array, shape (dim, dim), optional
+        Mean deformation gradient [-] of a periodic body; the identity by default.
+    way : {"auto", "families", "slices", "fft"}, optional
+        Backend that computes the forces: padded neighbour arrays for any cloud, slices of a lattice, or convolutions on
+        a lattice. All give the same result to rounding. "auto" takes the fastest by measurement.
+
+    Returns
+    -------
+    array, shape (points, dim)
+        Force density [force/length^dim]. It is zero at a point without bonds.
+
+    Raises
+    ------
+    ValueError
+        If u or F has a wrong shape or is not finite, or det F ≤ 0. If the model cannot invert the shape tensor of a
+        point; the message names the first such point. If the backend cannot evaluate this model or body; the message
+        lists the backends that can. If the forces are not finite, outside of JAX transformations; the message names a
+        bond that has collapsed.
+
+    Examples
+    --------
+    Two points of volume 1 are joined by one spring of constant 1, stretched by 10 %. They attract each other.
+
+    >>> families = pd.families(pd.lattice((2,)), horizon=1.0)
+    >>> f = pd.force_density(pd.BondBased(1.0), families, np.array([[0.0], [0.1]]))
+    >>> np.asarray(f).ravel().round(3).tolist()
+    [0.1, -0.1]
     """
     f = force_operator(model, families, way, F is not None)(u, F)
     if in_host_memory(f) and not np.isfinite(np.asarray(f)).all():
@@ -168,7 +284,7 @@ def force_density(model: AbstractModel, families: Families, u, F=None, way: str 
 
 
 def _not_finite(families: Families, f: np.ndarray, u: Any, F: Any) -> str:
-    """What is wrong where forces are not finite: a bond that has collapsed, or numbers beyond their precision."""
+    """Why forces are not finite: a bond has collapsed, or numbers overflow their precision."""
     bad = np.flatnonzero(~np.isfinite(f).all(axis=1))
     where = f"the forces on {len(bad)} points are not finite, the first is point {bad[0]}"
     if families.xi is not None:
@@ -179,8 +295,9 @@ def _not_finite(families: Families, f: np.ndarray, u: Any, F: Any) -> str:
             i, slot = gone[0]
             j = int(np.asarray(families.neighbours)[i, slot])
             return (
-                f"{where}: the bond from point {i} to point {j} has collapsed, both are at one place ({len(gone)} such)"
+                f"{where}: the bond from point {i} to point {j} has collapsed to length 0 ({len(gone)} such bonds)."
+                " Check u there, or reduce the load"
             )
     if families.dtype == np.float32:
-        return f"{where}; in numbers of 32 bits small lengths in large units overflow: take units near 1, or 64 bits"
-    return f"{where}; does u [length] turn bonds over, or is a constant of the model out of range?"
+        return f"{where}: numbers of 32 bits overflow. Use units in which lengths are near 1, or float64"
+    return f"{where}, although no bond has collapsed. Check that u [length] and the constants of the model are sensible"

@@ -1,9 +1,12 @@
-"""What every user computes by hand: weighted volume, dilatation, energy density and stress at every point of a body.
+"""Weighted volume, dilatation, energy density and Cauchy stress of every point of a body.
 
-    m = Σ ω V |ξ|²,    θ = (d/m) Σ ω V |ξ| (|ξ + η| − |ξ|),    P = Σ V T⊗ξ,    σ = P F̄ᵀ/det F̄
+    m = Σ ω V |ξ|²                         weighted volume [length^(dim+2)]
+    θ = (d/m) Σ ω V |ξ| (|ξ + η| − |ξ|)    dilatation [-], d the dimension
+    P = Σ V T⊗ξ                            first Piola–Kirchhoff stress [pressure]
+    σ = P F̄ᵀ/det F̄                         Cauchy stress [pressure], F̄ the mean deformation gradient of the family
 
-Sums run over the point's family, with the bonds' weights in ω. A point without bonds has 0 of all but of the weighted
-volume's kind; its F̄ is I. Sources: Silling et al. 2007 (m, θ, F̄).
+The sums run over the family of the point, and ω contains the weights of the bonds. All of these fields are 0 at a point
+without bonds, and F̄ is I there. Sources: Silling et al. 2007 (m, θ, F̄).
 """
 
 import equinox as eqx
@@ -27,7 +30,37 @@ def _weighted_volume(families: Families) -> Array:
 
 @public_function
 def weighted_volume(families: Families) -> Float[Array, " points"]:
-    """m (points,) [length^(dim+2)] of every family: Σ ω V |ξ|²."""
+    """Compute the weighted volume of every point.
+
+    m_i = Σ_j ω_ij V_j |ξ_ij|²
+
+    Parameters
+    ----------
+    families : Families
+        Families of the body, from `families`.
+
+    Returns
+    -------
+    array, shape (points,)
+        m [length^(dim+2)].
+
+    Raises
+    ------
+    ValueError
+        If the families were made with `arrays=False`.
+
+    References
+    ----------
+    Silling et al. 2007.
+
+    Examples
+    --------
+    An end point of a bar of four points has one bond of length 1, an inner point has two.
+
+    >>> families = pd.families(pd.lattice((4,)), horizon=1.0)
+    >>> np.asarray(pd.weighted_volume(families)).tolist()
+    [1.0, 2.0, 2.0, 1.0]
+    """
     families.need_arrays()
     return _weighted_volume(families)
 
@@ -42,9 +75,41 @@ def _dilatation(families: Families, u: Array, F: Array | None) -> Array:
 
 @public_function
 def dilatation(families: Families, u, F=None) -> Float[Array, " points"]:
-    """θ (points,) [-] of every family, as the LPS model has it.
+    """Compute the dilatation of every point, as the `LPS` model defines it.
 
-    Arguments: u (points, dim) [length]; F (dim, dim) a mean deformation under it, or None.
+    θ_i = (d/m_i) Σ_j ω_ij V_j |ξ| (|ξ + η| − |ξ|)
+
+    Parameters
+    ----------
+    families : Families
+        Families of the body, from `families`.
+    u : array, shape (points, dim)
+        Displacements [length].
+    F : array, shape (dim, dim), optional
+        Mean deformation gradient [-] of a periodic body; the identity by default.
+
+    Returns
+    -------
+    array, shape (points,)
+        θ [-]. It is 0 at a point without bonds.
+
+    Raises
+    ------
+    ValueError
+        If u or F has a wrong shape or is not finite, det F ≤ 0, or the families were made with `arrays=False`.
+
+    References
+    ----------
+    Silling et al. 2007.
+
+    Examples
+    --------
+    A plate that grows by 1 % in both directions has the dilatation 2 %.
+
+    >>> families = pd.families(pd.lattice((5, 4)), horizon=2.1)
+    >>> theta = pd.dilatation(families, np.zeros((20, 2)), 1.01 * np.eye(2))
+    >>> round(float(theta[0]), 6)
+    0.02
     """
     families.need_arrays()
     return _dilatation(families, point_field(u, families), mean_deformation(F, families))
@@ -52,10 +117,46 @@ def dilatation(families: Families, u, F=None) -> Float[Array, " points"]:
 
 @public_function
 def energy_density(model: AbstractModel, families: Families, u, F=None) -> Float[Array, " points"]:
-    """W (points,) [energy/length^dim] of every point; Σ V W is `strain_energy`.
+    """Compute the energy density of every point.
 
-    Arguments, errors: as `force_density`. A point whose family is too poor for the model, seen under a transformation,
-    where nothing can be refused, has NaN: `jnp.isnan` of this finds it.
+    `strain_energy` is the sum Σ_i V_i W_i.
+
+    Parameters
+    ----------
+    model : AbstractModel
+        The material model.
+    families : Families
+        Families of the body, from `families`.
+    u : array, shape (points, dim)
+        Displacements [length].
+    F : array, shape (dim, dim), optional
+        Mean deformation gradient [-] of a periodic body; the identity by default.
+
+    Returns
+    -------
+    array, shape (points,)
+        W [energy/length^dim]. It is 0 at a point without bonds.
+
+    Raises
+    ------
+    ValueError
+        If u or F has a wrong shape or is not finite, det F ≤ 0, the model cannot invert a shape tensor, or the families
+        were made with `arrays=False`.
+
+    Notes
+    -----
+    Traced families, for example inside `jax.jit`, cannot be checked. A point where the shape tensor is singular then
+    has W = NaN, and `jnp.isnan` finds it.
+
+    Examples
+    --------
+    The strain E₁₁ = 0.105 alone has the energy density W = ½ (λ + 2μ) E₁₁², here with λ + 2μ = 3.
+
+    >>> families = pd.families(pd.lattice((5, 4)), horizon=2.1)
+    >>> model = pd.SethHill(1.0, pd.LinearElastic(1.0, 1.0))
+    >>> W = pd.energy_density(model, families, np.zeros((20, 2)), np.diag([1.1, 1.0]))
+    >>> W.shape, round(float(W[0]), 6)
+    ((20,), 0.016538)
     """
     return energy_of_each(model, families, *body_state(model, families, u, F))
 
@@ -72,20 +173,86 @@ def _cauchy(model: AbstractModel, families: Families, u: Array, F: Array | None)
 
 @public_function
 def cauchy_stress(model: AbstractModel, families: Families, u, F=None) -> Float[Array, "points dim dim"]:
-    """σ (points, dim, dim) [pressure] of every point, from the forces of its bonds and F̄.
+    """Compute the Cauchy stress of every point from the forces of its bonds.
 
-    Arguments, errors: as `force_density`. Exact under affine maps for every model whose energy is the law's; its
-    antisymmetric part elsewhere is what the bonds' moments leave. NaN where a family does not span space.
+    σ = P F̄ᵀ/det F̄,    P = Σ V T⊗ξ
+
+    Parameters
+    ----------
+    model : AbstractModel
+        The material model.
+    families : Families
+        Families of the body, from `families`.
+    u : array, shape (points, dim)
+        Displacements [length].
+    F : array, shape (dim, dim), optional
+        Mean deformation gradient [-] of a periodic body; the identity by default.
+
+    Returns
+    -------
+    array, shape (points, dim, dim)
+        σ [pressure]. It is 0 at a point without bonds, and NaN where the bonds of a family do not span space.
+
+    Raises
+    ------
+    ValueError
+        If u or F has a wrong shape or is not finite, det F ≤ 0, the model cannot invert a shape tensor, or the families
+        were made with `arrays=False`.
+
+    Notes
+    -----
+    Under affine maps σ is exact for every model whose energy is that of its law. Under other deformations the bonds can
+    exert a net moment on the point, and σ then has an antisymmetric part.
+
+    References
+    ----------
+    Silling et al. 2007 (F̄).
+
+    Examples
+    --------
+    A plate with λ + 2μ = 3 is stretched by 10 % with its width held: σ₁₁ = F₁₁ S₁₁ = 1.1 · 3 · 0.105.
+
+    >>> families = pd.families(pd.lattice((5, 4)), horizon=2.1)
+    >>> model = pd.Correspondence(pd.LinearElastic(1.0, 1.0))
+    >>> sigma = pd.cauchy_stress(model, families, np.zeros((20, 2)), np.diag([1.1, 1.0]))
+    >>> round(float(sigma[0, 0, 0]), 4)
+    0.3465
     """
     return _cauchy(model, families, *body_state(model, families, u, F))
 
 
 @public_function
 def von_mises(stress, out_of_plane=0.0) -> Float[Array, "..."]:
-    """The von Mises stress √(3/2 s:s) [pressure], s the deviator of the symmetric part.
+    """Compute the von Mises stress.
 
-    Arguments: stress (..., dim, dim) [pressure]; out_of_plane (...) [pressure] σ₃₃ of a 2D body (0: plane stress; in
-        plane strain ν (σ₁₁ + σ₂₂)), and of both directions across a 1D body. Not used in 3D.
+    σ_vM = √(3/2 s:s), with s the deviator of the symmetric part of the stress
+
+    Parameters
+    ----------
+    stress : array, shape (..., dim, dim)
+        Cauchy stress [pressure].
+    out_of_plane : float or array, shape (...), optional
+        Normal stress [pressure] in the missing directions: σ₃₃ of a 2D body, and both σ₂₂ and σ₃₃ of a 1D body. The
+        default 0 is plane stress. In plane strain it is ν (σ₁₁ + σ₂₂). It is not used in 3D.
+
+    Returns
+    -------
+    array, shape (...)
+        σ_vM [pressure].
+
+    Raises
+    ------
+    ValueError
+        If `stress` does not have the shape (..., dim, dim) with dim 1, 2 or 3.
+
+    Examples
+    --------
+    Uniaxial tension of 3, and pure shear of 1:
+
+    >>> round(float(pd.von_mises(np.diag([3.0, 0.0]))), 3)
+    3.0
+    >>> round(float(pd.von_mises(np.array([[0.0, 1.0], [1.0, 0.0]]))), 3)
+    1.732
     """
     return _von_mises(as_real(stress, "stress"), as_real(out_of_plane, "out_of_plane"))
 

@@ -1,28 +1,35 @@
-"""The symbol of an infinite lattice: its exact Jacobian, one d × d block for each wave vector.
+"""The symbol of an infinite lattice: its exact Jacobian on plane waves, one d × d block for each wave vector.
 
-On a uniform lattice under x = F X the Jacobian is block-circulant, and its spectrum is that of
+On a uniform lattice of spacing h under x = F X the Jacobian is block-circulant. Its eigenvalues are those of the symbol
 
-    Ĵ(k) = Σ_η J⟨η⟩ e^{ik·η},   k in the Brillouin zone [−π/h, π/h]^d.
+    Ĵ(k) = Σ_η J⟨η⟩ e^{ik·η},   k in the Brillouin zone [−π/h, π/h]^d,
 
-By translation invariance one family is enough. With q_ξ = e^{ik·ξ} − 1 and C = ∂T/∂η of that family,
+where J⟨η⟩ is the block of the Jacobian that couples two points at the distance vector η.
 
-    Ĵ(k) = −Σ_ξζ q̄_ξ V C_ξζ q_ζ.                                                            (any model)
+**Any model.** All families are equal, so one family is enough. With C = ∂T/∂η of this family and q_ξ = e^{ik·ξ} − 1,
 
-For a point-state model C_ξζ = δ_ξζ B_ξ + G_ξ R_ζ, and in a centro-symmetric family B is even, G and R odd; over half
-of it
+    Ĵ(k) = −Σ_ξζ q̄_ξ V C_ξζ q_ζ.
+
+**Point-state model.** Here C_ξζ = δ_ξζ B_ξ + G_ξ R_ζ (`pdjax.tangent.linearise`). In a centro-symmetric family B is
+even and G and R are odd in ξ, so sums over one half of the family suffice:
 
     Ĵ(k) = −[ Σ b_ξ c_ξ + (Σ g_ξ s_ξ)(Σ r_ξ s_ξ) ],   c = |q|² = 4 sin²(k·ξ/2),  s = sin k·ξ,
-    b = 2 V B,   g = 2 V G,   r = 2 R:
+    b = 2 V B,   g = 2 V G,   r = 2 R.
 
-(For a model whose states are not even the general sum stands.) A model of two stages, with H the Hessian of a bond's
-energy (its states are linear in η and add no curvature), couples the states of both ends, ρ = Σ r s:
+If the states of a model are not even in ξ, the formula for any model is used.
 
-    Ĵ(k) = −[ Σ b c + (Σ g s) ρ + ρᵀ(Σ g s)ᵀ + ρᵀ (Σ H_here + H_there + (H_mixed + H_mixedᵀ) cos k·ξ) ρ ]
+**Model of two stages.** Let H be the Hessian of the energy of a bond. The states are linear in η, so they add no second
+derivative. The states of both ends are coupled; with ρ = Σ r s,
 
-In all, linearise once for each (model, F), then thousands of wave vectors are two matrix products with tables of c
-and s.
-As k = tN → 0, Ĵ/t² tends to the same formula with c = (N·ξ)², s = N·ξ: minus the acoustic tensor.
-Sources: Born & Huang 1954 for the method; this form for state-based peridynamics is derived here.
+    Ĵ(k) = −[ Σ b c + (Σ g s) ρ + ρᵀ(Σ g s)ᵀ + ρᵀ (Σ H_here + H_there + (H_mixed + H_mixedᵀ) cos k·ξ) ρ ].
+
+A model is linearised once for each F. After that, thousands of wave vectors need only two matrix products with tables
+of c and s.
+
+**Long waves.** As k = tN → 0, Ĵ/t² tends to the same formula with c = (N·ξ)² and s = N·ξ. This limit is minus the
+acoustic tensor.
+
+Sources: Born & Huang 1954 for the method. This form for state-based peridynamics is derived here.
 """
 
 from collections.abc import Callable
@@ -42,7 +49,7 @@ from ..tangent.linearise import family_tangent, linearise_states, linearise_two_
 
 
 class Phases(NamedTuple):
-    """A wave on the half family: c = |q|², s = Im q, even = Re q, and κ² of the lattice Laplacian [1/length²]."""
+    """Plane waves on half of a family: c = |q|², s = Im q, even = Re q, and κ² [1/length²] of the lattice Laplacian."""
 
     c: Float[Array, "*waves half"]
     s: Float[Array, "*waves half"]
@@ -51,7 +58,7 @@ class Phases(NamedTuple):
 
 
 def wave_phases(family: LatticeFamily, k: Float[Array, "*waves dim"]) -> Phases:
-    """Phases of wave vectors k [1/length]; κ² = Σ_i ((2/h) sin(k_i h/2))²."""
+    """The phases of wave vectors k [1/length], with κ² = Σ_i ((2/h) sin(k_i h/2))²."""
     x = k @ family.xi[: family.xi.shape[0] // 2].T
     c = 4 * jnp.sin(x / 2) ** 2
     kappa2 = jnp.sum((2 / family.spacing * jnp.sin(k * family.spacing / 2)) ** 2, axis=-1)
@@ -59,13 +66,13 @@ def wave_phases(family: LatticeFamily, k: Float[Array, "*waves dim"]) -> Phases:
 
 
 def long_wave_phases(family: LatticeFamily, direction: Float[Array, "*waves dim"]) -> Phases:
-    """The limit k → 0 along a direction (any length: the quotient by κ² does not depend on it)."""
+    """The phases in the limit k → 0 along a direction of any length: the quotient by κ² does not depend on it."""
     x = direction @ family.xi[: family.xi.shape[0] // 2].T / family.spacing
     return Phases(x**2, x, jnp.zeros_like(x), jnp.sum(direction**2, axis=-1) / family.spacing**2)
 
 
 def _components(tangent: Callable, phases: Phases) -> list[list[Array]]:
-    """Ĵ_ij of its symmetric part as separate (waves,) arrays."""
+    """The entries Ĵ_ij of the symmetric part of Ĵ as separate arrays (waves,)."""
     J = tangent(phases)
     dim = J.shape[-1]
     return [[(J[..., i, j] + J[..., j, i]) / 2 for j in range(dim)] for i in range(dim)]
@@ -80,9 +87,9 @@ def _sums(t: "StateTangent | TwoStageTangent", phases: Phases) -> tuple[Array, A
 
 
 class StateTangent(eqx.Module):
-    """b, g, r over the half family of a point-state model."""
+    """The tangent of a point-state model: b, g and r over half of the family."""
 
-    rings: ClassVar[int] = 2  # how many rings of neighbours the blocks of its series reach
+    rings: ClassVar[int] = 2  # the number of rings of neighbours that the blocks of its cosine series reach
 
     b: Float[Array, "half dim dim"]
     g: Float[Array, "half dim rank"]
@@ -93,18 +100,19 @@ class StateTangent(eqx.Module):
         """The tangent of a point-state model at x = F X."""
         bonds, half = family.bonds(F), family.xi.shape[0] // 2
         V, t = bonds.volume[0], linearise_states(model, bonds, first=half)
-        # far-end states carry e^{ik·ξ}: by parity their G adds to the near one in (Σ g s)
+        # The states of far ends have the phase e^{ik·ξ}. By parity their G adds to that of this point in Σ g s.
         return cls(2 * V * t.B, 2 * V * (t.G + t.there), 2 * t.R.transpose(1, 0, 2))
 
     def __call__(self, phases: Phases) -> Float[Array, "*waves dim dim"]:
-        """Ĵ at every wave of `phases` [force/length^(dim+1)]."""
+        """Ĵ [force/length^(dim+1)] at every wave of `phases`."""
         direct, left, right = _sums(self, phases)
         return -(direct + left @ right)
 
     def components(self, phases: Phases) -> list[list[Array]]:
-        """Ĵ_ij (upper triangle of its symmetric part) as separate (waves,) arrays: what a fast screen wants.
+        """The entries Ĵ_ij of the symmetric part of Ĵ as separate arrays (waves,), for a fast scan of many waves.
 
-        Two matrix products with the shared tables; the rest is elementwise and fuses.
+        It needs two matrix products with the tables of c and s. All other operations are elementwise, and XLA fuses
+        them.
         """
         half, dim, rank = self.g.shape
         pairs = [(i, j) for i in range(dim) for j in range(i, dim)]
@@ -112,7 +120,7 @@ class StateTangent(eqx.Module):
         direct = b @ phases.c.T
         odd = jnp.concatenate([self.g.reshape(half, -1), self.r.reshape(half, -1)], axis=1).T @ phases.s.T
         waves = phases.s.shape[0]
-        left = odd[: dim * rank].reshape(dim, rank, waves)  # rank 0: springs have no state
+        left = odd[: dim * rank].reshape(dim, rank, waves)  # the rank is 0 for springs, which have no state
         right = odd[dim * rank :].reshape(rank, dim, waves)
         out: list[list[Array]] = [[jnp.zeros(())] * dim for _ in range(dim)]
         for n, (i, j) in enumerate(pairs):
@@ -122,7 +130,7 @@ class StateTangent(eqx.Module):
 
 
 class DenseTangent(eqx.Module):
-    """V C folded on the half family by parity, for models that give the energy alone."""
+    """The tangent V C of a model that gives only its energy, folded onto half of the family by parity."""
 
     rings: ClassVar[int] = 2
 
@@ -147,7 +155,11 @@ class DenseTangent(eqx.Module):
 
 
 class TwoStageTangent(eqx.Module):
-    """b, g, r over the half family of a model of two stages, and the energy of its states: at rest, and by cos k·ξ."""
+    """The tangent of a model of two stages: b, g and r over half of the family, and the Hessian of the states.
+
+    `level` is the constant part of this Hessian plus the value of its cosine part at k = 0. `mixed` are the
+    coefficients of cos k·ξ.
+    """
 
     rings: ClassVar[int] = 3
 
@@ -159,7 +171,7 @@ class TwoStageTangent(eqx.Module):
 
     @classmethod
     def of(cls, model: Any, family: LatticeFamily, F: Float[Array, "dim dim"]) -> "TwoStageTangent":
-        """The tangent of a model of two stages at x = F X: the Hessians of its whole family, folded on one half."""
+        """The tangent of a model of two stages at x = F X: the Hessians of the whole family, folded onto half of it."""
         t, half = linearise_two_stage(model, family.bonds(F)), family.xi.shape[0] // 2
         level = jnp.sum(t.here + t.there + t.mixed + t.mixed.mT, axis=0)
         mixed = 2 * (t.mixed + t.mixed.mT)[:half]
@@ -180,7 +192,7 @@ Tangent = StateTangent | DenseTangent | TwoStageTangent
 
 @singledispatch
 def tangent_kind(model: AbstractModel) -> type[Tangent]:
-    """The class of a model's tangent. Each kind of model registers its own."""
+    """The class of the tangent of a model. Each kind of model registers its own function."""
     return DenseTangent
 
 
@@ -195,20 +207,20 @@ def _of_both_ends(model: TwoStageModel) -> type[Tangent]:
 
 
 def homogeneous_tangent(model: AbstractModel, family: LatticeFamily, F: Float[Array, "dim dim"]) -> Tangent:
-    """Linearise a model once at x = F X; the result is called on `Phases`."""
+    """Linearise a model at x = F X. The result is a function of `Phases` that gives Ĵ."""
     if model.needs_other_end and not model.even:
         raise ValueError(
-            f"{type(model).__name__} needs the states of both ends and they are not even (ξ → −ξ): its symbol"
-            " is found by pdjax.cell_symbol of one point"
+            f"{type(model).__name__} needs the states of both ends of a bond, and its states are not even (ξ → −ξ), so"
+            " one family does not give its symbol. Compute it with pdjax.cell_symbol for a cell of one point"
         )
     return tangent_kind(model).of(model, family, F)
 
 
 @singledispatch
 def block_at_center(model: AbstractModel, family: LatticeFamily, F: Float[Array, "dim dim"]) -> Float[Array, "dim dim"]:
-    """∂f(X)/∂x(X) on an infinite lattice under x = F X (`pdjax.center_block`), unchecked, for drivers to trace.
+    """`pdjax.center_block` without checks: ∂f(X)/∂x(X) on an infinite lattice under x = F X.
 
-    Each kind of model registers its own.
+    Each kind of model registers its own function. Compiled functions trace it.
     """
     bonds = family.bonds(F)
     C = family_tangent(model, bonds)
@@ -218,7 +230,7 @@ def block_at_center(model: AbstractModel, family: LatticeFamily, F: Float[Array,
 
 @block_at_center.register(PointStateModel)
 def _block_of_states(model: PointStateModel, family: LatticeFamily, F: Array) -> Float[Array, "dim dim"]:
-    """The same sums without ever forming C."""
+    """The same sums, without the array C."""
     bonds = family.bonds(F)
     t = linearise_states(model, bonds)
     far = jnp.einsum("b,bir,rbj->ij", bonds.volume, t.G + t.there, t.R)
@@ -228,7 +240,7 @@ def _block_of_states(model: PointStateModel, family: LatticeFamily, F: Array) ->
 
 @block_at_center.register(TwoStageModel)
 def _block_of_both_ends(model: TwoStageModel, family: LatticeFamily, F: Array) -> Float[Array, "dim dim"]:
-    """The mean of the symbol over a grid of waves: exact, because no harmonic is higher than 3N."""
+    """The mean of the symbol over a grid of waves. It is exact because no harmonic is higher than 3N."""
     waves = np.stack(np.meshgrid(*[np.arange(3 * family.reach + 1)] * family.dim, indexing="ij"), axis=-1)
     k = jnp.asarray(2 * np.pi / len(waves) * waves.reshape(-1, family.dim), dtype=family.xi.dtype) / family.spacing
     return jnp.mean(TwoStageTangent.of(model, family, F)(wave_phases(family, k)), axis=0)
@@ -236,7 +248,7 @@ def _block_of_both_ends(model: TwoStageModel, family: LatticeFamily, F: Array) -
 
 @eqx.filter_jit
 def modulus_at_rest(model: AbstractModel, family: LatticeFamily) -> Float[Array, ""]:
-    """M = ∂P₁₁/∂F₁₁ at F = I [pressure], unchecked, for drivers to trace."""
+    """`pdjax.p_wave_modulus` without checks: M = ∂P₁₁/∂F₁₁ [pressure] at F = I. Compiled functions trace it."""
     I = jnp.eye(family.dim, dtype=family.xi.dtype)
     axial = jnp.zeros_like(I).at[0, 0].set(1)
     return jax.jvp(lambda F: affine_stress(model, family, F), (I,), (axial,))[1][0, 0]

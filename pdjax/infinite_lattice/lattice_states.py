@@ -1,12 +1,16 @@
-"""Homogeneous states of an infinite lattice, linearised: one small program for each model class, numbers ever after.
+"""Linearised homogeneous states of an infinite lattice, and the public functions that read them.
 
-A state is a deformation gradient F. `linearised` gives its cosine series (`pdjax.infinite_lattice.cosine_series`) and the P-wave modulus
-of the model. That is all that the symbol, the block at a point, and the search of the Brillouin zone have to know, so
-they are NumPy here, and the search is one program for all models (`pdjax.infinite_lattice.criteria.waves.search`).
+A state is a deformation gradient F. `linearised` gives its cosine series (`pdjax.infinite_lattice.cosine_series`),
 
-The program takes STATES deformations at once and the resting state beside them. What has been linearised is remembered
-with the family. It computes in double precision, also for a family of single precision, so that a verdict does not
-depend on units.
+    Ĵ(x) = −Σ_o B_o 4 sin²(o·x/2),    x = h k,  o over half of the integer offsets,
+
+and the P-wave modulus M of the model. The symbol, the block at a point and the search of the Brillouin zone need
+nothing else of the model. The first two are therefore computed with NumPy, and the search is one compiled program for
+all models (`pdjax.infinite_lattice.criteria.waves.search`).
+
+Each class of models compiles one small program. It linearises up to STATES deformations at once, together with the
+undeformed state. The family object keeps the results. The program computes in double precision even for a family in
+single precision, so that a verdict does not depend on the units.
 """
 
 import itertools
@@ -40,8 +44,12 @@ STATES = 16
 
 
 class States(NamedTuple):
-    """blocks (states, offsets, dim, dim) [force/length^(dim+1)] of the cosine series, half of the offsets they stand
-    for (offsets, dim), M [pressure] (of all, or one for each state), spacing [length]; all NumPy."""
+    """Linearised states, as NumPy arrays.
+
+    `blocks` (states, offsets, dim, dim) [force/length^(dim+1)] are the blocks B_o of the cosine series, and `offsets`
+    (offsets, dim) the half of the offsets to which they belong. `modulus` is M [pressure], one number or one for each
+    state. `spacing` is h [length].
+    """
 
     blocks: np.ndarray
     offsets: np.ndarray
@@ -55,23 +63,23 @@ class States(NamedTuple):
 
 
 def rings(model: AbstractModel) -> int:
-    """How many rings of neighbours the blocks of a model's series reach."""
+    """The number of rings of neighbours that the blocks of a model's cosine series reach."""
     return tangent_kind(model).rings
 
 
 def offsets_of(model: AbstractModel, family: LatticeFamily) -> np.ndarray:
-    """Half of the offsets (offsets, dim) that the blocks of a model's series stand for."""
+    """Half of the offsets (offsets, dim), those to which the blocks of a model's cosine series belong."""
     return reached(family.dim, len(family.influence), rings(model))
 
 
 def modulus_of(resting: np.ndarray, offsets: np.ndarray, spacing: float) -> Any:
-    """M [pressure] (...,) from the blocks (..., offsets, dim, dim) of resting states: minus Ĵ₁₁/k² of long waves."""
+    """M [pressure] (...,) from the blocks (..., offsets, dim, dim) of undeformed states: −Ĵ₁₁/k² of long waves."""
     return resting[..., 0, 0] @ offsets[:, 0] ** 2 * spacing**2
 
 
 @compiled_with(ONCE)
 def _linearise(model: AbstractModel, family: LatticeFamily, F: Float[Array, "states dim dim"], count: Array) -> Any:
-    """Of the first `count` deformations: the tangents of a point-state model, or the series of any other."""
+    """The tangents of a point-state model, or the cosine series of any other model, at the first `count` states F."""
     dim, bonds = family.dim, len(family.influence)
 
     def one(F):
@@ -82,15 +90,15 @@ def _linearise(model: AbstractModel, family: LatticeFamily, F: Float[Array, "sta
         return jax.vmap(lambda F: homogeneous_tangent(model, family, F))(F)
     if kind is not DenseTangent:
         return jax.vmap(one)(F)
-    # A dense tangent takes long and much memory: one after the other, and no more than are asked for.
+    # A dense tangent takes much time and memory. The loop computes one after the other, and only the first `count`.
     blank = jnp.zeros((len(F), len(reached(dim, bonds, 2)), dim, dim), F.dtype)
     return jax.lax.fori_loop(0, count, lambda i, out: out.at[i].set(one(F[i])), blank)
 
 
 def linearised(model: AbstractModel, family: LatticeFamily, F: np.ndarray) -> States:
-    """The states F (states, dim, dim) of a concrete model on a concrete, checked family; up to STATES at once."""
+    """Linearise a model at up to STATES states F (states, dim, dim). No value is traced, and the family is checked."""
     dim, count = family.dim, len(F)
-    every = np.broadcast_to(np.eye(dim), (STATES + 1, dim, dim)).copy()  # the first stays the resting one
+    every = np.broadcast_to(np.eye(dim), (STATES + 1, dim, dim)).copy()  # the first remains the undeformed state
     every[1 : count + 1] = F
 
     def make():
@@ -105,12 +113,12 @@ def linearised(model: AbstractModel, family: LatticeFamily, F: np.ndarray) -> St
 
 
 def has_series(model: AbstractModel) -> bool:
-    """Whether one family is enough for the symbol of a model: not where states of both ends are needed and not even."""
+    """Whether one family gives the symbol. It does not if the states of both ends are needed and are not even."""
     return model.even or not model.needs_other_end
 
 
 def resting_modulus(model: AbstractModel, family: LatticeFamily) -> float:
-    """M [pressure] of a concrete model on a concrete, checked family."""
+    """M [pressure] of a model on a checked family. No value is traced."""
 
     def make():
         if has_series(model):
@@ -121,29 +129,32 @@ def resting_modulus(model: AbstractModel, family: LatticeFamily) -> float:
 
 
 def check_at_rest(model: AbstractModel, family: LatticeFamily) -> None:
-    """Refuse a singular family, and a model whose P-wave modulus is not positive: every margin is divided by it."""
+    """Raise ValueError for a singular shape tensor or a P-wave modulus that is not positive.
+
+    Every margin is divided by this modulus.
+    """
     check_model(model, family, LatticeFamily)
     if is_concrete(model, family):
         check_modulus(model, resting_modulus(model, family))
 
 
 def check_modulus(model: AbstractModel, M: float) -> None:
-    """Refuse a P-wave modulus that is NaN or not positive."""
+    """Raise ValueError for a P-wave modulus that is NaN or not positive."""
     if np.isnan(M):
         raise ValueError(
-            f"{type(model).__name__} has no stiffness at rest that is a number: its P-wave modulus there is nan. Is"
-            " every constant finite? Does the energy take a norm or a power of bonds.eta, which is 0 at rest (eta ="
-            " u_j − u_i; the deformed bond is xi + eta)?"
+            f"the P-wave modulus of {type(model).__name__} in the undeformed state is nan. Check that every constant is"
+            " finite, and that the energy takes no norm or power of bonds.eta, which is 0 in the undeformed state"
+            " (eta = u_j − u_i; the deformed bond is xi + eta)"
         )
     if not M > 0:
         raise ValueError(
-            f"law must have a positive P-wave modulus (lam + 2 mu) at rest; this one has {M:g}:"
-            " it is unstable before any load"
+            f"law must have a positive P-wave modulus (lam + 2 mu) in the undeformed state; got {M:g}, so the lattice"
+            " is unstable without any load. Check the constants of the law"
         )
 
 
 def checked_states(model: AbstractModel, family: LatticeFamily, F: np.ndarray) -> States:
-    """`linearised`, after the checks of the family and of the modulus: no program beside its own."""
+    """`linearised` with the checks of the family and of the modulus. It compiles no further program."""
     check_model(model, family, LatticeFamily)
     states = linearised(model, family, F)
     remember(family, ("modulus", value_key(model)), lambda: states.modulus)
@@ -153,11 +164,45 @@ def checked_states(model: AbstractModel, family: LatticeFamily, F: np.ndarray) -
 
 @public_function
 def symbol(model: AbstractModel, family: LatticeFamily, F, k) -> Float[Array, "*waves dim dim"]:
-    """Ĵ(k), the exact Jacobian of the infinite lattice on the plane wave e^{ik·X}.
+    """Compute the symbol of an infinite lattice: its exact Jacobian on plane waves.
 
-    Arguments: F (dim, dim) [-], det F > 0; k (..., dim) [1/length], any number of wave vectors.
-    Returns: (..., dim, dim) real [force/length^(dim+1)]; symmetric for hyperelastic models, zero at k = 0.
-    Raises: ValueError for det F ≤ 0, NaN in k, a k of the wrong dimension, a singular family.
+    Ĵ(k) = Σ_η J⟨η⟩ e^{ik·η},    f = Ĵ(k) a e^{ik·X}  for  u = a e^{ik·X}
+
+    Parameters
+    ----------
+    model : AbstractModel
+        The material model. Its constants must be single numbers.
+    family : LatticeFamily
+        Family of the lattice, from `lattice_family`.
+    F : array, shape (dim, dim)
+        Deformation gradient [-] of the homogeneous state, det F > 0.
+    k : array, shape (..., dim)
+        Wave vectors [1/length], any number of them.
+
+    Returns
+    -------
+    array, shape (..., dim, dim)
+        Ĵ(k) [force/length^(dim+1)], real. It is symmetric for hyperelastic models and zero at k = 0. A state is
+        unstable if Ĵ(k) has a positive eigenvalue for some k.
+
+    Raises
+    ------
+    ValueError
+        If F is not finite or det F ≤ 0, if k is not finite or has another dimension than the lattice, or if the model
+        cannot invert the shape tensor of the family.
+
+    References
+    ----------
+    Born & Huang 1954 (the method).
+
+    Examples
+    --------
+    A chain of springs of constant 1 has Ĵ(k) = −4 sin²(k/2).
+
+    >>> chain = pd.lattice_family(1, 1)
+    >>> J = pd.symbol(pd.BondBased(1.0), chain, np.eye(1), [[0.0], [np.pi / 2], [np.pi]])
+    >>> [round(x, 3) for x in np.asarray(J).ravel().tolist()]
+    [0.0, -2.0, -4.0]
     """
     check_model(model, family, LatticeFamily)
     F = deformation_gradient(F, family.dim)
@@ -186,11 +231,42 @@ def _symbol(model: AbstractModel, family: LatticeFamily, F: Array, k: Array) -> 
 
 @public_function
 def center_block(model: AbstractModel, family: LatticeFamily, F) -> Float[Array, "dim dim"]:
-    """D = ∂f(X)/∂x(X): the Jacobian's block at the point itself, on an infinite lattice under x = F X.
+    """Compute the diagonal block of the Jacobian of an infinite lattice: how f of a point depends on its own position.
 
-    D = Σ_ξ V [−(Σ_ζ C_ξζ) − C_ξξ]: its own bonds all move by −e, and in each neighbour's family one bond moves by +e.
-    It is the mean of the symbol over the Brillouin zone, −2 Σ B of its cosine series.
-    Arguments: F (dim, dim).  Returns: (dim, dim) [force/length^(dim+1)].  Raises: as `force_state`.
+    D = ∂f(X)/∂x(X) = Σ_ξ V [−(Σ_ζ C_ξζ) − C_ξξ],    C = ∂T/∂η
+
+    Parameters
+    ----------
+    model : AbstractModel
+        The material model. Its constants must be single numbers.
+    family : LatticeFamily
+        Family of the lattice, from `lattice_family`.
+    F : array, shape (dim, dim)
+        Deformation gradient [-] of the homogeneous state, det F > 0.
+
+    Returns
+    -------
+    array, shape (dim, dim)
+        D [force/length^(dim+1)].
+
+    Raises
+    ------
+    ValueError
+        If F is not finite or det F ≤ 0, or if the model cannot invert the shape tensor of the family.
+
+    Notes
+    -----
+    If the point moves by e, the η of all its own bonds change by −e, and in the family of each neighbour the η of one
+    bond changes by +e. D is also the mean of the symbol over the Brillouin zone, which is −2 Σ_o B_o of its cosine
+    series.
+
+    Examples
+    --------
+    A point in a chain of springs of constant 1 is held by two of them.
+
+    >>> D = pd.center_block(pd.BondBased(1.0), pd.lattice_family(1, 1), np.eye(1))
+    >>> round(float(D[0, 0]), 3)
+    -2.0
     """
     check_model(model, family, LatticeFamily)
     F = deformation_gradient(F, family.dim)
@@ -206,7 +282,35 @@ def _center_block(model: AbstractModel, family: LatticeFamily, F: Array) -> Arra
 
 @public_function
 def p_wave_modulus(model: AbstractModel, family: LatticeFamily) -> Float[Array, ""]:
-    """M = ∂P₁₁/∂F₁₁ at F = I [pressure]: the law's λ + 2μ, as the model on this family has it."""
+    """Compute the P-wave modulus of a model on an infinite lattice in the undeformed state.
+
+    M = ∂P₁₁/∂F₁₁ at F = I
+
+    Models that reproduce the moduli of their law exactly have M = λ + 2μ. All margins are divided by M.
+
+    Parameters
+    ----------
+    model : AbstractModel
+        The material model. Its constants must be single numbers.
+    family : LatticeFamily
+        Family of the lattice, from `lattice_family`.
+
+    Returns
+    -------
+    array, shape ()
+        M [pressure].
+
+    Raises
+    ------
+    ValueError
+        If the model cannot invert the shape tensor of the family.
+
+    Examples
+    --------
+    >>> model = pd.SethHill(1.0, pd.LinearElastic(lam=1.0, mu=1.0))
+    >>> round(float(pd.p_wave_modulus(model, pd.lattice_family(2, 2))), 6)
+    3.0
+    """
     check_model(model, family, LatticeFamily)
     if is_concrete(model, family):
         return as_array(resting_modulus(model, family), family.xi.dtype)

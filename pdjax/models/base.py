@@ -108,6 +108,7 @@ class AbstractModel(eqx.Module):
     additive: ClassVar[bool] = False
     degree: ClassVar[int] = 0
     dims: ClassVar[tuple[int, ...]] = (1, 2, 3)
+    shared: ClassVar[tuple[str, ...]] = ()  # names of fields that hold an array which all points share
 
     def __init_subclass__(cls, **kwargs):
         super().__init_subclass__(**kwargs)

@@ -355,6 +355,9 @@ class EnergyLaw(Law):  # type: ignore[misc]
         Passed to `function`. The constants are traced, so results can be differentiated with respect to them.
     isotropic : bool
         True promises that the law prefers no direction.
+    shared : tuple of str
+        Names of the constants that are arrays which all points of a body share. Any other array whose first axis is as
+        long as the body has points holds one value for each point.
 
     Raises
     ------
@@ -373,6 +376,7 @@ class EnergyLaw(Law):  # type: ignore[misc]
     takes: str = eqx.field(static=True)  # type: ignore[misc]
     constants: Any = eqx.field(converter=lambda tree: jax.tree.map(as_real, tree), default=())
     isotropic: bool = eqx.field(static=True, default=False)
+    shared: tuple[str, ...] = eqx.field(static=True, default=())  # type: ignore[misc]
 
     def __check_init__(self):
         choice("takes", self.takes, ("E", "F"))

@@ -23,6 +23,8 @@ from .base import PointStateModel, Sums
 class Linearised(PointStateModel):
     """The model that `linearised` returns: its displacement is v [length], its force density J v about x = F X."""
 
+    shared: ClassVar[tuple[str, ...]] = ("F",)
+
     base: PointStateModel
     F: Float[Array, "dim dim"]
     hyperelastic: ClassVar[bool] = False
@@ -120,7 +122,7 @@ def linearised(model: PointStateModel, F) -> Linearised:
     >>> bool(np.abs(tangent - T).max() < 1e-8 * np.abs(T).max())
     True
     """
-    if not (isinstance(model, PointStateModel) and model.by_moments and model.additive):
+    if not (model.by_moments and model.additive):
         raise ValueError(
             "linearised needs a model that is defined by `moments` and whose bond force is linear in the point state"
             f" (`additive`); got {type(model).__name__}. Use pd.jvp for it"

@@ -1,11 +1,14 @@
 """A model's functions at every point of a body: with the point's own constants, and with a family that may be empty.
 
-A constant varies from point to point where the first axis of its leaf is as long as the body has points.
+A constant is a number, or an array with one number for each point of the body. An array that all points share is
+declared: the class of the model or law names its field in `shared`, and `EnergyLaw(..., shared=("b",))` names constants
+of its own. An array that is not declared varies from point to point if its first axis is as long as the body has
+points.
 
 A point that has lost all its bonds, a fragment, has no force, energy, strain or stress, whatever the model. Its sums
-are 0, and models divide by them. So `regular` puts a family of bonds at rest in the place of an empty one, which every
-model can take, and what comes of it is replaced by 0. All derivatives are finite; those by the weights of an empty
-family are 0 by convention, for what a first bond would do depends on which it is.
+are 0, and models divide by them. So `regular` replaces an empty family by one of bonds at rest, which every model can
+take, and `none_if_empty` replaces the result by 0. All derivatives are finite. Those with respect to the weights of an
+empty family are 0 by convention, because the effect of a first bond depends on which bond it is.
 """
 
 import math
@@ -21,9 +24,28 @@ from ..geometry.bonds import Bonds
 from .base import AbstractModel
 
 
+def _is_shared(model: Any, path: tuple) -> bool:
+    """Whether a module along the path declares this constant as an array that all points share."""
+    names = [getattr(key, "name", getattr(key, "key", None)) for key in path]
+    node = model
+    for i, name in enumerate(names):
+        if isinstance(node, eqx.Module):
+            if set(names[i:]) & set(getattr(node, "shared", ())):
+                return True
+            node = getattr(node, str(name))
+        else:
+            return False
+    return False
+
+
 def split_model(model: AbstractModel, points: int) -> tuple[Any, Any]:
     """(leaves that vary from point to point, everything else)."""
-    return eqx.partition(model, lambda leaf: eqx.is_array(leaf) and leaf.ndim > 0 and leaf.shape[0] == points)
+
+    def varies(path: tuple, leaf: Any) -> bool:
+        long = eqx.is_array(leaf) and leaf.ndim > 0 and leaf.shape[0] == points
+        return long and not _is_shared(model, path)
+
+    return eqx.partition(model, jax.tree_util.tree_map_with_path(varies, model))
 
 
 def directions_of_rest(dim: int, count: int) -> np.ndarray:

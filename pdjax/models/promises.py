@@ -1,7 +1,8 @@
-"""What the ways take on trust of a model, tried on one random bond before a model of the user's own goes by them.
+"""A check of the promises of a user's model on one random bond.
 
-`additive`, `even` and `degree` let a sum over bonds be halved or carried out by FFT; one that does not hold gives a
-wrong force without a sign of it. The package's own models are held to theirs by the tests.
+The force backends rely on the promises `additive`, `even` and `degree`: they halve a sum over bonds, or compute it by
+FFT. A promise that does not hold would give a wrong force without any error. The models of the package are not checked
+here, because the tests check their promises.
 """
 
 import math
@@ -19,28 +20,28 @@ from .base import PointStateModel, Sums
 
 _MEANING = {
     "additive": "a bond's force is linear in the point state and t(A, −ξ, −η) = −t(A, ξ, η)",
-    "even": "what a bond adds to the sums is the same for −ξ, −η",
-    "degree": "moments are polynomials in η of that degree and the bond force one of degree 1, both in proportion to ω",
+    "even": "what a bond adds to the sums does not change if (ξ, η) becomes (−ξ, −η)",
+    "degree": "the moments are polynomials of this degree in η, the bond force one of degree 1, both proportional to ω",
 }
-_KNOWN: set[Any] = set()  # what kept its promises
+_KNOWN: set[Any] = set()  # keys of the models that have passed the check
 
 
 def _own(model: Any) -> bool:
-    """Whether the model, and every part of it, comes with the package."""
+    """True if the package defines the class of the model and of each of its parts."""
     parts = jax.tree.leaves(model, is_leaf=lambda x: x is not model and isinstance(x, eqx.Module))
     mine = type(model).__module__.startswith("pdjax.")
     return mine and all(_own(part) for part in parts if isinstance(part, eqx.Module))
 
 
 def _off(found: Any, expected: Any) -> Array:
-    """Largest difference of two trees over the largest entry."""
+    """Largest difference of two trees, divided by their largest entry."""
     a, b = (jnp.concatenate([jnp.zeros(1), *(jnp.ravel(x) for x in jax.tree.leaves(t))]) for t in (found, expected))
     return jnp.max(jnp.abs(a - b)) / jnp.maximum(jnp.maximum(jnp.max(jnp.abs(a)), jnp.max(jnp.abs(b))), 1e-30)
 
 
 @eqx.filter_jit
 def _deviations(model: PointStateModel, dim: int) -> dict[str, Array]:
-    """How far the promises that the model makes are from true."""
+    """Relative deviation from each promise that the model makes, on one random bond."""
     draw = iter(np.random.default_rng(1).normal(size=64))
     xi, eta = (scale * jnp.asarray([next(draw) for _ in range(dim)]) for scale in (1.0, 0.05))
     one = jnp.ones(())
@@ -55,7 +56,7 @@ def _deviations(model: PointStateModel, dim: int) -> dict[str, Array]:
         return model.bond_force(state, state, bond)
 
     def flat(function, degree):
-        """The difference of order degree + 1 along η, which a polynomial does not have."""
+        """Relative finite difference of order degree + 1 along η. It is zero for a polynomial of this degree."""
         points = [function(bond._replace(eta=k * eta)) for k in range(degree + 2)]
         signs = [(-1) ** k * math.comb(degree + 1, k) for k in range(degree + 2)]
         total = jax.tree.map(lambda *x: sum(s * y for s, y in zip(signs, x, strict=True)), *points)
@@ -81,9 +82,9 @@ def _deviations(model: PointStateModel, dim: int) -> dict[str, Array]:
 
 
 def check_promises(model: Any, dim: int) -> None:
-    """Refuse a model that breaks a promise which the ways rely on; of a model known by its values only.
+    """Raise ValueError if a user's model breaks a promise that the force backends rely on.
 
-    Raises: ValueError naming the promise, what it means, and what to declare instead.
+    The message names the promise, its meaning, and what to declare instead. A model with traced values is not checked.
     """
     if not is_concrete(model) or _own(model):
         return
@@ -91,13 +92,14 @@ def check_promises(model: Any, dim: int) -> None:
     key = (structure, dim, tuple(np.asarray(x).tobytes() for x in leaves))
     if key in _KNOWN:
         return
-    with jax.core.eval_context():  # the values are known even while something else is traced
+    with jax.core.eval_context():  # the values are concrete, also while another function is traced
         for promise, off in _deviations(model, dim).items():
             if float(off) > 1e-3 * float(jnp.finfo(jnp.result_type(float)).eps) ** 0.25:
                 instead = 0 if promise == "degree" else False
                 name = type(model).__name__
                 raise ValueError(
-                    f"{name} promises {promise} = {getattr(model, promise)}, that is: {_MEANING[promise]};"
-                    f" on a random bond it is {float(off):.1g} off, relatively: declare {promise} = {instead}"
+                    f"{name} declares {promise} = {getattr(model, promise)}, which means: {_MEANING[promise]}. On a"
+                    f" random bond the relative deviation from this is {float(off):.1g}. Declare {promise} = {instead},"
+                    " or correct the methods of the model"
                 )
     _KNOWN.add(key)

@@ -26,18 +26,18 @@ from ..models.laws import LinearElastic
 from ..studies.closed_forms.local_bar import singular_bar_local
 
 
-def _unit_model(model: AbstractModel | None) -> AbstractModel:
+def unit_model(model: AbstractModel | None) -> AbstractModel:
     """The given model, or by default the Seth–Hill model of the paper with order m = 1 and modulus 1."""
     return SethHill(1.0, LinearElastic(1.0, 0.0)) if model is None else model  # type: ignore[call-arg, arg-type]
 
 
-def _count(name: str, value, least: int) -> int:
+def checked_count(name: str, value, least: int) -> int:
     if not float(value).is_integer() or value < least:
         raise ValueError(f"{name} must be a whole number >= {least}; got {value!r}")
     return int(value)
 
 
-def _ratio(N) -> float:
+def checked_ratio(N) -> float:
     if not (math.isfinite(N) and N >= 1):
         raise ValueError(f"N = horizon / spacing must be finite and >= 1; got {N!r}")
     return float(N)
@@ -89,8 +89,8 @@ def step_size_bar(n: int, N: float = 3, strain=-1e-3, clamp: int = 6, model: Abs
     >>> len(scene.unknowns), round(float(scene.closed_form[0, 0]), 6)
     (9, 0.000476)
     """
-    clamp, N = _count("clamp", clamp, 1), _ratio(N)
-    n = _count("n", n, 2 * clamp + 1)
+    clamp, N = checked_count("clamp", clamp, 1), checked_ratio(N)
+    n = checked_count("n", n, 2 * clamp + 1)
     if is_concrete(strain) and not (math.isfinite(float(strain)) and strain > -1):
         raise ValueError(f"strain must be finite and > -1 (a bar can't lose all its length); got {strain!r}")
     x = ((np.arange(n) + 0.5) / n - 0.5)[:, None]
@@ -98,7 +98,7 @@ def step_size_bar(n: int, N: float = 3, strain=-1e-3, clamp: int = 6, model: Abs
     u = on_host(as_real(strain)) * x
     ends = np.r_[0:clamp, n - clamp : n]
     held = conditions.prescribe(ends, u[ends])
-    return scene(body, families(body, N / n), _unit_model(model), held, closed_form=u, name="step-size bar")
+    return scene(body, families(body, N / n), unit_model(model), held, closed_form=u, name="step-size bar")
 
 
 def singular_bar(
@@ -154,16 +154,16 @@ def singular_bar(
     >>> round(float(scene.body.positions[-1, 0]), 4), round(float(scene.closed_form[-1, 0]), 6)
     (0.975, 0.0975)
     """
-    N = _ratio(N)
+    N = checked_ratio(N)
     layer = 2 * math.ceil(N)
-    n = _count("n", n, 2 * layer + 2)
+    n = checked_count("n", n, 2 * layer + 2)
     if n % 2:
         raise ValueError(f"n must be even, so that no point sits on the singularity at 1/2; got {n}")
     if not alpha >= 0:
         raise ValueError(f"alpha must be >= 0; got {alpha!r}")
     if traction not in ("exact", "even"):
         raise ValueError(f"traction must be 'exact' or 'even'; got {traction!r}")
-    base = _unit_model(model)
+    base = unit_model(model)
     body = lattice((n,), 1.0 / n)
     x = body.positions[:, 0]
     beyond = np.maximum(x - 0.5, 0)
@@ -232,7 +232,7 @@ def clamped_plate(shape, N: float, F, model: AbstractModel, spacing: float | Non
     >>> len(scene.unknowns)
     4
     """
-    N, shape = _ratio(N), tuple(int(s) for s in shape)
+    N, shape = checked_ratio(N), tuple(int(s) for s in shape)
     rings = max(2, model.rings)
     rim = rings * math.ceil(N)
     if min(shape) <= 2 * rim:
@@ -316,9 +316,9 @@ def manufactured_plate(
     >>> print(middle.round(6), len(scene.unknowns))
     [0.025 0.025] 2
     """
-    N = _ratio(N) if horizon is None else _ratio(horizon * n)
+    N = checked_ratio(N) if horizon is None else checked_ratio(horizon * n)
     rim = 2 * math.ceil(N * (1 - 1e-9))
-    n = _count("n", n, 2 * rim + 1)
+    n = checked_count("n", n, 2 * rim + 1)
     if model is None:
         model = SethHill(1.0, LinearElastic(1.0, 1.0))  # type: ignore[call-arg, arg-type]
     body = lattice((n, n), 1.0 / n)

@@ -19,7 +19,7 @@ from ..infinite_lattice.dispersion import dispersion
 from ..infinite_lattice.lattice_states import p_wave_modulus
 from ..infinite_lattice.paths import uniaxial_stress
 from ..models.base import AbstractModel
-from .bodies import _count, _ratio, _unit_model
+from .bodies import checked_count, checked_ratio, unit_model
 
 
 @eqx.filter_jit
@@ -74,7 +74,7 @@ def cuboid(shape, N: float = 3, strain=0.05, rate=1e-2, model: AbstractModel | N
     >>> motion.duration, motion.start.shape
     (5.0, (9, 1))
     """
-    N, shape = _ratio(N), tuple(_count("every entry of shape", s, 1) for s in np.atleast_1d(shape))
+    N, shape = checked_ratio(N), tuple(checked_count("every entry of shape", s, 1) for s in np.atleast_1d(shape))
     layers = 2 * math.ceil(N)
     if shape[0] <= 2 * layers:
         raise ValueError(f"the first side must have more than {2 * layers} cells, two ends of 2N; got shape {shape}")
@@ -87,7 +87,7 @@ def cuboid(shape, N: float = 3, strain=0.05, rate=1e-2, model: AbstractModel | N
     x = body.positions[:, 0] - 0.5 * h * shape[0]
     ends = np.flatnonzero(np.abs(x) > 0.5 * h * (shape[0] - 2 * layers))
     held = conditions.prescribe(ends, strain * x[ends, None], components=0)
-    fixed = scene(body, families(body, N * h), _unit_model(model), held, moving=True, name="cuboid")
+    fixed = scene(body, families(body, N * h), unit_model(model), held, moving=True, name="cuboid")
     duration = abs(strain) / rate
     family = lattice_family(body.dim, N, h)
     pull = on_host(_rate_of_uniaxial_stress(fixed.model, family))
@@ -165,8 +165,8 @@ def wave(
     >>> round(motion.duration, 6), round(8 * np.pi / 2**0.5, 6)
     (17.771532, 17.771532)
     """
-    N = _ratio(N)
-    shape = tuple(_count("n", s, 2) for s in ((n,) * dim if np.ndim(n) == 0 else n))
+    N = checked_ratio(N)
+    shape = tuple(checked_count("n", s, 2) for s in ((n,) * dim if np.ndim(n) == 0 else n))
     dim = len(shape)
     if not -dim <= branch < dim:
         raise ValueError(f"branch must lie in {-dim} to {dim - 1} in {dim}D; got {branch}")
@@ -191,7 +191,7 @@ def wave(
             f" along each side; got {np.round(steps)} wavelengths, which on these points is the same wave as {same}"
         )
     body = lattice(shape, 1.0, periodic=True)
-    model = _unit_model(model)
+    model = unit_model(model)
     mean = None if F is None else deformation_gradient(F, dim)
     family = lattice_family(dim, N)
     found = on_host(dispersion(model, family, np.eye(dim) if mean is None else mean, given[None], density))

@@ -1,15 +1,22 @@
-"""The sparse Jacobian of a body, assembled from the linearised families: never probed.
+"""The sparse Jacobian of a body, assembled from the linearised families without directional derivatives.
 
-With Δ the difference operator (η = Δ u), a family's dT = B Δ du + G R Δ du (+ G' R Δ du for the far end's state) and
-(Div T)_i = Σ_j V_j (T_ij − T_ji). For a point-state model J = Div dT/du is a direct part D on one ring of neighbours
-and a product of two matrices of one ring, J = D + P S, S = δA/δu the states and P the pull of the states on forces:
+Let Δ be the difference operator (η = Δ u), and (Div T)_i = Σ_j V_j (T_ij − T_ji), so that f = Div T.
+
+**Point-state model.** A family has dT = B Δ du + G R Δ du, plus G' R Δ du if the force needs the state of the far end.
+Here B = ∂t/∂η, G = ∂t/∂A, G' = ∂t/∂A_there and R = ∂A/∂η. The Jacobian J = Div dT/du is a direct part D, which couples
+a point to one ring of neighbours, plus a product of two such matrices, J = D + P S. S = ∂A/∂u gives the states and
+P = ∂f/∂A the forces that the states exert:
 
     D_ij = V_j (B_ij + B_ji),   S_ij = R_ij,   P_ij = V_j (G'_ij − G_ji),   P_ii = Σ_j V_j (G_ij − G'_ji)
 
-and D_ii = −Σ_j D_ij, S_ii = −Σ_j S_ij. The product takes the time: 2 dim² · rank · ring² operations a point, in blocks
-(dim, rank) by SciPy, a part of the rows in each thread. The pattern is two rings, three where the far end's state is
-needed. A model of two stages has, with Z = (Δ; S; S at the far end), S = R Δ its states, and H the Hessian of a bond's
-energy, V J = −Zᵀ (V H) Z, since its states are linear in η.
+and D_ii = −Σ_j D_ij, S_ii = −Σ_j S_ij. The product takes most of the time: 2 dim² · rank · ring² operations a point.
+SciPy computes it in blocks (dim, rank), and each thread computes a part of the rows. The pattern is two rings, or three
+if the state of the far end is needed.
+
+**Model of two stages.** Let S = R Δ be its states, Z = (Δ; S; S at the far end), and H the Hessian of the energy of a
+bond. Then V J = −Zᵀ (V H) Z, because the states are linear in η.
+
+**Any other model.** Its dense tangent C = ∂T/∂η gives J = Div C Δ.
 """
 
 from functools import singledispatch
@@ -34,7 +41,7 @@ from .linearise import TwoStage, linearise
 
 
 def _point_tangents(model: AbstractModel, families: Families, bonds: Bonds) -> Any:
-    """The tangent of every point's family (`linearise`). What comes of bonds without weight means nothing."""
+    """The tangent of the family of every point (`linearise`). Entries of bonds without weight have no meaning."""
     varying, shared = split_model(model, len(families))
     bonds, _ = regular(bonds)
     if not model.needs_other_end:
@@ -53,17 +60,17 @@ def _block_csr(rows, cols, blocks, shape) -> sp.csr_array:
 
 
 class _Rings(NamedTuple):
-    """The pattern of one ring of neighbours, point by point: the point itself, then its true neighbours."""
+    """The block pattern of one ring of neighbours. The row of a point holds the point itself, then its neighbours."""
 
-    true: np.ndarray  # (points, bonds)
+    true: np.ndarray  # (points, bonds) whether a slot holds a bond with weight
     start: np.ndarray  # (points + 1,) first block of every row
-    column: np.ndarray  # (blocks,) the points
+    column: np.ndarray  # (blocks,) block column, the index of a point
     own: np.ndarray  # (points,) block of the point itself
     place: np.ndarray  # (true bonds,) block of every bond
 
     @staticmethod
     def of(families: Families) -> "_Rings":
-        """A bond that has no weight seen from one end keeps its place while it has some from the other."""
+        """The pattern of these families. A bond belongs to it if one of its two directions has a weight."""
         weight = np.asarray(families.weight)
         true = (weight > 0) | (weight[np.asarray(families.neighbours), np.asarray(families.reverse)] > 0)
         count = true.sum(axis=1)
@@ -77,16 +84,16 @@ class _Rings(NamedTuple):
         return _Rings(true, start.astype(np.int32), column, start[:-1], place)
 
     def matrix(self, on_bonds: np.ndarray, on_points: np.ndarray) -> sp.bsr_array:
-        """Blocks (points, bonds, a, b) at the neighbours and (points, a, b) at the points themselves."""
+        """The matrix with blocks (points, bonds, a, b) at the neighbours and (points, a, b) on the diagonal."""
         points, (a, b) = len(on_points), on_points.shape[1:]
         blocks = np.empty((len(self.column), a, b))
         blocks[self.own], blocks[self.place] = on_points, on_bonds[self.true]
-        # a copy: SciPy sorts the indices of 1 × 1 blocks in place
+        # The columns are copied because SciPy sorts the indices of 1 × 1 blocks in place.
         return sp.bsr_array((blocks, self.column.copy(), self.start), shape=(points * a, points * b))
 
 
 def _product(P: sp.bsr_array, S: sp.bsr_array) -> sp.bsr_array:
-    """P S with sorted blocks, some rows in every thread: SciPy lets go of the interpreter while it multiplies."""
+    """P S with sorted blocks. Each thread computes a part of the rows; SciPy releases the GIL while it multiplies."""
     rows, height, threads = len(P.indptr) - 1, P.blocksize[0], cores()
     cuts = [*np.searchsorted(P.indptr, P.indptr[-1] * np.arange(threads) / threads).tolist(), rows]
 
@@ -112,7 +119,7 @@ def _tangents(model: AbstractModel, families: Families, u: Array, F: Array | Non
 
 @compiled_with(QUICK)
 def _ring_blocks(model: PointStateModel, families: Families, u: Array, F: Array | None) -> tuple[Array, ...]:
-    """D, P and S of the module's text, each as its blocks on bonds (points, bonds, …) and on points (points, …)."""
+    """D, P and S of the module docstring, each as blocks on bonds (points, bonds, …) and on points (points, …)."""
     bonds = families.bonds(u, F)
     real = (families.weight > 0)[..., None, None]
     t = _point_tangents(model, families, bonds)
@@ -127,9 +134,9 @@ def _ring_blocks(model: PointStateModel, families: Families, u: Array, F: Array 
 
 @singledispatch
 def sparse_jacobian(model: AbstractModel, families: Families, u: Array, F: Array | None) -> sp.csr_array:
-    """J (points·dim, points·dim) at checked u and mean deformation F (or None), with sorted indices.
+    """J (points·dim, points·dim) with sorted indices, at checked u and mean deformation F (or None).
 
-    Each kind of model registers its own.
+    Each kind of model registers its own function. This one is for any model with a force state of one family.
     """
     tangents = computed_in_double(_tangents, model, families, u, F)
     at, difference, V = _bonds_of(families)
@@ -152,25 +159,25 @@ def sparse_jacobian(model: AbstractModel, families: Families, u: Array, F: Array
 
 @sparse_jacobian.register(PointStateModel)
 def _of_states(model: PointStateModel, families: Families, u: Array, F: Array | None) -> sp.csr_array:
-    """J = D + P S of the module's text."""
+    """J = D + P S, as the module docstring derives it."""
     D, D_own, P, P_own, S, S_own = computed_in_double(_ring_blocks, model, families, u, F)
     rings = _Rings.of(families)
     J = rings.matrix(D, D_own)
     J.sort_indices()
     if S.shape[2]:
         J = J + _product(rings.matrix(P, P_own), rings.matrix(S, S_own))
-    return J.tocsr()  # sorted, as both terms were
+    return J.tocsr()  # its indices are sorted because those of both terms are
 
 
 @sparse_jacobian.register(TwoStageModel)
 def _of_both_ends(model: TwoStageModel, families: Families, u: Array, F: Array | None) -> sp.csr_array:
-    """J = −V⁻¹ Zᵀ (V H) Z of the module's text."""
+    """J = −V⁻¹ Zᵀ (V H) Z, as the module docstring derives it."""
     at, difference, V = _bonds_of(families)
     return _of_energies(computed_in_double(_tangents, model, families, u, F), V, difference, at)
 
 
 def _bonds_of(families: Families) -> tuple[tuple[np.ndarray, np.ndarray, np.ndarray], sp.csr_array, np.ndarray]:
-    """(point, slot and neighbour of every true bond), the difference operator Δ, and the volumes."""
+    """(point, slot and neighbour of every bond with weight), the difference operator Δ, and the volumes."""
     i, slot = np.nonzero(np.asarray(families.weight) > 0)
     j = np.asarray(families.neighbours)[i, slot]
     bond, count = np.arange(len(i)), len(i)
@@ -181,7 +188,7 @@ def _bonds_of(families: Families) -> tuple[tuple[np.ndarray, np.ndarray, np.ndar
 
 
 def _of_energies(t: TwoStage, V: np.ndarray, difference: sp.csr_array, true: tuple) -> sp.csr_array:
-    """J of a model of two stages: −V⁻¹ Zᵀ (V H) Z, the states of both ends taken together before the widest product."""
+    """J = −V⁻¹ Zᵀ (V H) Z. The blocks of the two ends are added up before the product that has the most entries."""
     i, slot, j = true
     bond, count, points = np.arange(len(i)), len(i), len(V)
     dim = t.direct.shape[-1]

@@ -1,14 +1,17 @@
-"""The Jacobian of a body by coloured directional derivatives: for models whose structure is not known.
+"""The sparse Jacobian of a body by coloured directional derivatives, for models of any structure.
 
-Columns of J that share no row can be probed together. The rows that meet column j are known before any number is,
-from the families and the rings of the model: the points within `rings` bonds of j. Points of one colour are further
-apart than two such neighbourhoods (a distance-2 colouring of the pattern, greedy in the order of the points), so
+One directional derivative gives several columns of J at once if no two of them have an entry in the same row. The
+pattern of J follows from the families and from the number of rings that the model reaches: column j has entries in the
+rows of all points within `rings` bonds of j. A greedy distance-2 colouring of this pattern gives two points different
+colours if their columns meet in a row. Then
 
-    J v,   v = e_k on all points of one colour,
+    J v,   v = e_k on all points of one colour and 0 elsewhere,
 
-holds dim·colours columns' worth of entries of J, each at its own place. Forward differentiation: exact to rounding.
-Colours are at least the largest number of points in a row of J: in 3D that is hundreds, and a small body has no two
-points of one colour. Sources: Curtis, Powell & Reid 1974; Gebremedhin, Manne & Pothen 2005.
+contains the entries of the columns (j, k) of all points j of that colour, each in its own row. One such product for
+every colour and every axis k gives all of J. Forward differentiation makes the entries exact to rounding.
+
+The number of colours is at least the largest number of points in a row of J. In 3D this means hundreds of colours, and
+in a small body every point has its own. Sources: Curtis, Powell & Reid 1974; Gebremedhin, Manne & Pothen 2005.
 """
 
 import equinox as eqx
@@ -25,13 +28,13 @@ from ..models.base import AbstractModel
 
 
 def jacobian_pattern(families: Families, rings: int) -> sp.csr_array:
-    """Which points' displacements reach which points' forces, (points, points): true bonds, `rings` of them."""
+    """The pattern (points, points) of J: which displacements affect which forces, by up to `rings` bonds in a row."""
     i, slot = np.nonzero(np.asarray(families.weight) > 0)
     j = np.asarray(families.neighbours)[i, slot]
     here = np.arange(len(families))
     rows, cols = np.concatenate([i, here]), np.concatenate([j, here])
     near = sp.coo_array((np.ones(len(rows), dtype=np.int32), (rows, cols)), shape=(len(families),) * 2).tocsr()
-    near = ((near + near.T) > 0).astype(np.int32)  # a bond that weighs nothing from one end may from the other
+    near = ((near + near.T) > 0).astype(np.int32)  # one of the two directions of a bond may have weight 0
     pattern = near
     for _ in range(rings - 1):
         pattern = ((pattern @ near) > 0).astype(np.int32)
@@ -40,10 +43,10 @@ def jacobian_pattern(families: Families, rings: int) -> sp.csr_array:
 
 
 def colouring(pattern: sp.csr_array) -> Int[np.ndarray, " points"]:
-    """A colour 0, 1, … for every column of a symmetric pattern: two columns that meet in a row differ."""
+    """A colour 0, 1, … for every column of a symmetric pattern. Columns that meet in a row have different colours."""
     points = pattern.shape[0]
     colours = np.full(points, -1)
-    taken = np.zeros((points, int(np.diff(pattern.indptr).max()) + 1), dtype=bool)  # (row, colour); grows if need be
+    taken = np.zeros((points, int(np.diff(pattern.indptr).max()) + 1), dtype=bool)  # (row, colour), widened if needed
     for column in range(points):
         rows = pattern.indices[pattern.indptr[column] : pattern.indptr[column + 1]]
         free = ~taken[rows].any(axis=0)
@@ -59,7 +62,7 @@ def colouring(pattern: sp.csr_array) -> Int[np.ndarray, " points"]:
 def _probes(
     operator: ForceOperator, u: Array, F: Array | None, colours: Array | np.ndarray, count: int
 ) -> Float[Array, "colours dim points dim"]:
-    """∂f/∂(all points of a colour along an axis), for every colour and axis."""
+    """The derivative of f along every axis, with all points of one colour moving together, for every colour."""
     _, push = jax.linearize(lambda w: operator(w, F), u)
     axes = jnp.eye(u.shape[1], dtype=u.dtype)
 
@@ -73,9 +76,8 @@ def _probes(
 def coloured_jacobian(model: AbstractModel, families: Families, u, F=None) -> sp.csr_array:
     """∂f/∂u of a body by coloured JVPs, (points·dim, points·dim) [force/length^(dim+1)].
 
-    Rows and columns run over points, then components; the pattern is that of the model's rings, zeros included.
-    Arguments: u (points, dim) [length]; F (dim, dim) a mean deformation or None, as in `force_density`.
-    Raises: ValueError as `force_density`.
+    Rows and columns run over the points, then over components. The matrix stores every entry of the pattern, zeros
+    included. u (points, dim) [length] and F (dim, dim), a mean deformation or None, are as in `jacobian`.
     """
     u, F = body_state(model, families, u, F)
     operator = force_operator(model, families, mean=F is not None)

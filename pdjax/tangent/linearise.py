@@ -1,7 +1,12 @@
-"""The tangent of one family, by autodiff of a model's small functions.
+"""The tangent of one family, by automatic differentiation of the small functions of a model.
 
-A point-state model is linear in few numbers: ∂T/∂η = B + G R with the derivative R of its state. A model of two stages
-has the second derivatives of its bond energies and R. Any other model: the dense C = ∂T/∂η of its force state.
+The tangent ∂T/∂η has a different form for each kind of model:
+
+    point-state model      ∂T_b/∂η_c = δ_bc B_b + G_b R_c,  B = ∂t/∂η,  G = ∂t/∂A,  R = ∂A/∂η     (`LowRank`)
+    model of two stages    the second derivatives of the bond energies φ(η, A_here, A_there), and R   (`TwoStage`)
+    any other model        the dense C = ∂T/∂η of the force state
+
+A is the point state. It has few entries, so the product G R has a low rank.
 """
 
 from collections.abc import Callable
@@ -18,9 +23,9 @@ from ..models.base import AbstractModel, PointStateModel, Sums, TwoStageModel
 
 
 class LowRank(NamedTuple):
-    """∂T_b/∂η_c = δ_bc B_b + G_b R_c of one family; `there` is the part of G by the far end's state.
+    """The tangent ∂T_b/∂η_c = δ_bc B_b + G_b R_c of one family. `there` is G for the state of the far end.
 
-    R is the derivative of the state, or of the sums that the state is made of: they are fewer.
+    R is the derivative of the state, or of the sums from which the state is computed if these are fewer.
     """
 
     B: Float[Array, "bonds dim dim"]
@@ -30,7 +35,7 @@ class LowRank(NamedTuple):
 
 
 class _Slope(NamedTuple):
-    """The state (raveled) with its unravel function, and ∂A/∂η = outer R; outer None stands for the identity."""
+    """The raveled state with its unravel function, and ∂A/∂η = outer · R. `outer` None stands for the identity."""
 
     state: Array
     unravel: Callable
@@ -39,8 +44,11 @@ class _Slope(NamedTuple):
 
 
 def _slope_of_state(model: PointStateModel, bonds: Bonds) -> _Slope:
-    """Where the state is made of sums of what single bonds give, by the chain rule: ∂A/∂sums times ∂moments/∂η of each
-    bond, which is a smaller program than a reverse pass through everything."""
+    """The state of a family and its derivative in η.
+
+    For a model made of moments the chain rule gives it: ∂A/∂sums times ∂moments/∂η of each bond. This is a smaller
+    program than reverse differentiation of the whole state.
+    """
     if not model.by_moments:
         state, unravel = ravel_pytree(model.point_state(bonds))
         R = jax.jacrev(lambda eta: ravel_pytree(model.point_state(bonds._replace(eta=eta)))[0])(bonds.eta)
@@ -64,15 +72,16 @@ def _slope_of_state(model: PointStateModel, bonds: Bonds) -> _Slope:
 
 
 def linearise_states(model: Any, bonds: Bonds, there=None, first: int | None = None) -> LowRank:
-    """B, G, R of one family by autodiff of `point_state` and `bond_force`.
+    """B, G and R of one family, by automatic differentiation of `point_state` and `bond_force`.
 
-    `there` holds the states at the far ends, (bonds, rank) raveled; None: equal to this point's (homogeneous).
-    `first`: only for that many leading bonds (a centro-symmetric family needs but its half).
+    `there` holds the raveled states at the far ends, (bonds, rank). None means that they equal the state of this point,
+    as under a homogeneous deformation. `first` restricts the result to that many leading bonds: a centro-symmetric
+    family needs only half of them.
     """
     state, unravel, outer, R = _slope_of_state(model, bonds)
     far = jnp.broadcast_to(state, (bonds.eta.shape[0], state.shape[0])) if there is None else there
     R, far = R[:, :first], far[:first]
-    bonds = jax.tree.map(lambda x: x[:first] if x.ndim else x, bonds)  # δ is no array of bonds
+    bonds = jax.tree.map(lambda x: x[:first] if x.ndim else x, bonds)  # δ is one number for all bonds
 
     def one(eta, here, there, bond):
         return model.bond_force(unravel(here), unravel(there), bond._replace(eta=eta))
@@ -80,14 +89,14 @@ def linearise_states(model: Any, bonds: Bonds, there=None, first: int | None = N
     ends = (0, 1, 2) if model.needs_other_end else (0, 1)
     slopes = jax.vmap(jax.jacfwd(one, ends), (0, None, 0, EACH_BOND))(bonds.eta, state, far, bonds)
     B, G = slopes[:2]
-    if model.needs_other_end:  # at a far end other sums make the state
+    if model.needs_other_end:  # the state of a far end has another `outer`, so R must be that of the state itself
         return LowRank(B, G, R if outer is None else jnp.einsum("rq,qbd->rbd", outer, R), slopes[2])
     G = G if outer is None else G @ outer
     return LowRank(B, G, R, jnp.zeros_like(G))
 
 
 class TwoStage(NamedTuple):
-    """The second derivatives of bond energies φ(η, A_here, A_there), and R = ∂A/∂η, of one family."""
+    """The second derivatives of the bond energies φ(η, A_here, A_there) of one family, and R = ∂A/∂η."""
 
     direct: Float[Array, "bonds dim dim"]
     by_here: Float[Array, "bonds dim rank"]  # ∂²φ/∂η∂A_here
@@ -99,7 +108,7 @@ class TwoStage(NamedTuple):
 
 
 def linearise_two_stage(model: TwoStageModel, bonds: Bonds, there=None) -> TwoStage:
-    """Hessians of every bond's energy and derivative of the state, by autodiff; `there` as in `linearise_states`."""
+    """The Hessian of the energy of every bond, and the derivative of the state. `there` as in `linearise_states`."""
     state, unravel = ravel_pytree(model.point_state(bonds))
     R = jax.jacrev(lambda eta: ravel_pytree(model.point_state(bonds._replace(eta=eta)))[0])(bonds.eta)
     far = jnp.broadcast_to(state, (bonds.eta.shape[0], state.shape[0])) if there is None else there
@@ -116,10 +125,10 @@ def linearise_two_stage(model: TwoStageModel, bonds: Bonds, there=None) -> TwoSt
 
 @singledispatch
 def family_tangent(model: AbstractModel, bonds: Bonds) -> Float[Array, "bonds dim bonds dim"]:
-    """C = ∂T/∂η of one family, dense, every point in the same state; (b, i, c, j) = ∂T_bi/∂η_cj.
+    """The dense tangent C = ∂T/∂η of one family, with all points in the same state: C[b, i, c, j] = ∂T_bi/∂η_cj.
 
-    Each kind of model registers its own. Raises ValueError for a model of two stages, whose force state is not a
-    function of one family.
+    Each kind of model registers its own function. A model of two stages raises ValueError, because its force state is
+    not a function of one family.
     """
     return jax.jacfwd(lambda eta: model.force_state(bonds._replace(eta=eta)))(bonds.eta)
 
@@ -128,23 +137,23 @@ def family_tangent(model: AbstractModel, bonds: Bonds) -> Float[Array, "bonds di
 def _point_state_tangent(model: PointStateModel, bonds: Bonds) -> Float[Array, "bonds dim bonds dim"]:
     t = linearise_states(model, bonds)
     n = bonds.eta.shape[0]
-    C = jnp.einsum("bir,rcj->bicj", t.G, t.R)  # own state only: dT at this point by its own bonds
+    C = jnp.einsum("bir,rcj->bicj", t.G, t.R)  # G only: the state of the far end does not depend on these bonds
     return C.at[jnp.arange(n), :, jnp.arange(n), :].add(t.B)
 
 
 @family_tangent.register(TwoStageModel)
 def _two_stage_refusal(model: TwoStageModel, bonds: Bonds) -> Float[Array, "bonds dim bonds dim"]:
     raise ValueError(
-        f"the force state of {type(model).__name__} depends on its neighbours' families too: criteria of one family"
+        f"the force state of {type(model).__name__} depends on its neighbours' families too, so criteria of one family"
         ' ("material", "material_center", "material_neighbour") do not apply; use "block" or "symbol"'
     )
 
 
 @singledispatch
 def linearise(model: AbstractModel, bonds: Bonds, there: Any = None) -> Any:
-    """The tangent of one family in the form of the model's kind: `LowRank`, `TwoStage`, or the dense C.
+    """The tangent of one family in the form that suits the model: `LowRank`, `TwoStage`, or the dense C.
 
-    Each kind of model registers its own. `there` as in `linearise_states`.
+    Each kind of model registers its own function. `there` as in `linearise_states`.
     """
     return family_tangent(model, bonds)
 

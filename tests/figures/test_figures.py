@@ -1,4 +1,4 @@
-"""Figures: axes are labelled with units, every drawn line is in the legend, nothing needs a display."""
+"""Figures: axes have labels with units, every drawn line is in the legend, and no display is needed."""
 
 import numpy as np
 import pytest

@@ -1,7 +1,7 @@
-"""What `test_devices` runs in processes of their own, for the number of devices is fixed when JAX starts.
+"""The checks that `test_slabs.py` runs in separate processes, because the number of devices is fixed when JAX starts.
 
-`python on_devices.py` has the devices that XLA_FLAGS forces on the host and prints its findings as JSON;
-`python on_devices.py RANK PORT` is one of two processes with one device each, and prints what it found of the same.
+`python on_devices.py` uses the devices that XLA_FLAGS simulates on the host, and prints its results as JSON.
+`python on_devices.py RANK PORT` is one of two processes with one device each, and prints its results as JSON too.
 """
 
 import json
@@ -19,7 +19,7 @@ COLLECTIVES = ("collective-permute", "all-gather", "all-reduce", "all-to-all")
 
 
 def law():
-    """Not a constant of the module: it is an array, and `jax.distributed.initialize` must come before the first."""
+    """The law, made in a function because it holds arrays, and `jax.distributed.initialize` must come before these."""
     return pd.LinearElastic(1.3, 0.9)
 
 
@@ -36,7 +36,7 @@ def plate(periodic=False, planes=16):
 
 
 def general(model, fams, u):
-    """All bonds at once, on one device."""
+    """The forces of the general path: all bonds at once, on one device."""
     return whole_force(model, fams, fams.bonds(jnp.asarray(u)))
 
 
@@ -46,8 +46,8 @@ def collectives(function, *arguments):
 
 
 def forces(mesh):
-    """Every kind of body and model against the general path."""
-    order = np.repeat(np.linspace(-1, 1, 16), 5)  # from plane to plane
+    """The error of the slabs against the general path, for every kind of body and model."""
+    order = np.repeat(np.linspace(-1, 1, 16), 5)  # it varies from plane to plane
     cases = {
         "periodic": (pd.BondBased(1.0), (True, False)),
         "graded": (pd.graded(pd.SethHill(order, law()), 2 + order), False),
@@ -66,7 +66,7 @@ def forces(mesh):
 
 
 def derivatives(f, fams, u):
-    """Gradients of a quadratic of the force, to u and to a constant of the law, against the general path."""
+    """The error of gradients with respect to u and a constant of the law, against the general path."""
 
     def on_slabs(u, mu):
         moved = pd.slab_force(pd.Correspondence(pd.LinearElastic(1.3, mu)), fams, f.mesh)
@@ -80,7 +80,7 @@ def derivatives(f, fams, u):
 
 
 def dynamics(f, model, fams, u):
-    """50 steps of velocity Verlet: sharded, and by the general path."""
+    """50 steps of velocity Verlet with slabs: the error against the general path, and whether u stays sharded."""
 
     def verlet(force, u, dt=0.05, steps=50):
         def step(state, _):
@@ -97,8 +97,10 @@ def dynamics(f, model, fams, u):
 
 
 def statics(f, model, fams, body):
-    """A plate held at its left, pulled at its right, by Newton steps with conjugate gradients: what the general path
-    says is left of the load, and how far the plate moved."""
+    """Newton steps with conjugate gradients for a plate that is held at its left and pulled at its right.
+
+    Returns the residual of the general path relative to the load, and the largest displacement.
+    """
     X = body.positions
     free = jax.device_put((X[:, :1] > 0.9) * np.ones(2), f.sharding)
     load = jax.device_put((X[:, :1] > 7.1) * np.array([0.02, 0.01]), f.sharding)
@@ -131,7 +133,7 @@ def sweeps(mesh):
 
 
 def refusals(mesh):
-    """The messages of everything that is refused."""
+    """The messages of all errors."""
     lattice = pd.lattice((12, 4))
     fams = {
         "not equal": pd.families(pd.lattice((18, 4)), 2.0),

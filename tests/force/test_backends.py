@@ -1,4 +1,7 @@
-"""Every way to evaluate a body gives the same force density; the reference is the general path, all bonds at once."""
+"""All backends give the same force density.
+
+The reference is the general path, `whole_force`, which evaluates all bonds of a body at once.
+"""
 
 from dataclasses import replace
 
@@ -21,17 +24,17 @@ LATTICES = {
     3: (pd.lattice((4, 3, 3), 0.5), 0.75),
 }
 BY_MOMENTS = [n for n, m in table.MODELS.items() if getattr(m, "by_moments", False)]
-FLAT = ("seth_hill m=0", "wan control")  # in 3D each compile costs seconds; others stand for them
+FLAT = ("seth_hill m=0", "wan control")  # Not tested in 3D, where they compile for seconds and others cover the code.
 CHECKED = [(n, d) for n in BY_MOMENTS for d in table.MODELS[n].dims if d < 3 or n not in FLAT]
 
 
 @pytest.fixture(autouse=True)
 def no_body_is_small(monkeypatch):
-    """Else these bodies would go all bonds at once, as the reference does."""
+    """Without this, these small bodies would be evaluated with all bonds at once, as the reference is."""
     monkeypatch.setattr("pdjax.force.backends.padded.SMALL", 0)
 
 
-def test_small_bodies_go_all_at_once(monkeypatch):
+def test_small_bodies_are_evaluated_with_all_bonds_at_once(monkeypatch):
     monkeypatch.setattr("pdjax.force.backends.padded.SMALL", 10_000)
     fams = pd.families(pd.lattice((7, 5), 0.5), 1.01)
     operator = pd.force_operator(table.MODELS["lps"], fams)
@@ -43,7 +46,7 @@ def relative(a, b):
 
 
 @pytest.mark.parametrize("name,dim", CHECKED)
-def test_every_way_is_the_general_path(name, dim):
+def test_every_backend_equals_the_general_path(name, dim):
     model, (body, horizon) = table.MODELS[name], LATTICES[dim]
     if name == "sub_horizon" and dim == 3:
         horizon = 0.9
@@ -59,7 +62,7 @@ def test_every_way_is_the_general_path(name, dim):
 
 
 @pytest.mark.parametrize("name", ["lps", "correspondence svk", "seth_hill m=1"])
-def test_ways_on_a_periodic_lattice_without_arrays(name):
+def test_backends_agree_on_a_periodic_lattice_without_arrays(name):
     model = table.MODELS[name]
     body = pd.lattice((7, 6), 0.5, periodic=(True, False))
     fams, lean = (pd.families(body, 1.01, arrays=arrays) for arrays in (True, False))
@@ -73,10 +76,10 @@ def test_ways_on_a_periodic_lattice_without_arrays(name):
 
 @pytest.mark.parametrize("name", ["seth_hill m=0", "bond_based", "lps"])
 def test_a_body_that_moves_as_a_whole_is_free_of_force(name):
-    """By one spacing: an empty cell, whose displacement is 0, then lies where the point is."""
+    """A translation by one spacing moves a point to the place of an empty cell, whose displacement is 0."""
     body = pd.lattice((7, 5), 0.5)
     lean = pd.families(body, 1.01, arrays=False)
-    for step in (0.5, 1, 50.0):  # one an integer
+    for step in (0.5, 1, 50.0):  # 1 is an integer on purpose
         f = pd.force_density(table.MODELS[name], lean, jnp.full((35, 2), step) * jnp.asarray([1, 0]), way="slices")
         assert float(jnp.max(jnp.abs(f))) < 1e-12  # measured: 0
 
@@ -94,8 +97,8 @@ def test_constants_may_vary_from_point_to_point():
 
 
 @pytest.mark.parametrize("way", ["families", "slices", "fft"])
-def test_derivatives_go_through_every_way(way):
-    """jvp against a central difference, vjp against jvp, and both for a constant of the law."""
+def test_derivatives_are_exact_in_every_backend(way):
+    """The jvp equals a central difference and the vjp is its transpose, also for a constant of the law."""
     body = pd.lattice((7, 5), 0.5)
     fams = pd.families(body, 1.01)
     rng = bodies.random(4)
@@ -117,7 +120,7 @@ ADDITIVE = [n for n in BY_MOMENTS if table.MODELS[n].additive and n not in FLAT]
 
 @pytest.mark.parametrize("name", ADDITIVE)
 def test_the_linearised_model_is_the_jacobian_about_a_homogeneous_deformation(name):
-    """On a body with surfaces and a hole, u = (F − I) X: J v by forward differentiation of the general path."""
+    """A body with surfaces and a hole is linearised at u = (F − I) X. The reference J v is that of the general path."""
     model, (body, horizon), F = table.MODELS[name], LATTICES[2], bodies.deformation(2, 9)
     fams = pd.families(body, horizon, pd.gaussian_influence)
     u = jnp.asarray(body.positions @ (F - np.eye(2)).T)
@@ -125,19 +128,19 @@ def test_the_linearised_model_is_the_jacobian_about_a_homogeneous_deformation(na
     expected = jax.jit(lambda u, v: jax.jvp(lambda w: whole_force(model, fams, fams.bonds(w)), (u,), (v,))[1])(u, v)
     tangent = pd.linearised(model, F)
     ways = ways_of(tangent, fams)
-    assert ("fft" in ways) == (name != "littlewood control")  # whose force has no ω
+    assert ("fft" in ways) == (name != "littlewood control")  # the force of this control is not proportional to ω
     for way in ways:
         assert relative(pd.force_density(tangent, fams, v, way=way), expected) < 1e-12, way  # measured: 1e-14
 
 
-def test_what_can_not_be_linearised_is_refused():
+def test_linearised_raises_for_a_model_of_two_stages_and_for_an_inverted_state():
     with pytest.raises(ValueError, match=r"got BondLevel\. Use pd\.jvp"):
         pd.linearised(pd.BondLevel(table.LINEAR), np.eye(2))
     with pytest.raises(ValueError, match="det F > 0"):
         pd.linearised(pd.SethHill(0.0, table.LINEAR), -np.eye(1))
 
 
-def test_the_operator_compiles_once_and_is_what_scenes_use():
+def test_the_operator_compiles_once_for_all_constants():
     body = pd.lattice((7, 5), 0.5)
     fams = pd.families(body, 1.01)
     traced = []
@@ -156,7 +159,7 @@ def test_the_operator_compiles_once_and_is_what_scenes_use():
 
 
 class Dashpots(pd.PointStateModel):
-    """Bonds that pull with the mean stretch of their family to a power; what it promises is set from outside."""
+    """Bonds that pull with a power of the mean stretch of their family. Subclasses declare the promises."""
 
     power: int
     odd: bool = False
@@ -197,12 +200,12 @@ class Squared(Promising):
     ],
 )
 def test_a_promise_that_does_not_hold_is_refused(model, broken):
-    """Of a model of one's own; by sums over single bonds it would go wrong without a word."""
+    """The promises of a user's model are tested, because a wrong one would give wrong forces without any warning."""
     body = pd.lattice((7, 5), 0.5)
     fams = pd.families(body, 1.01)
     u = 0.02 * jnp.asarray(bodies.random(12).normal(size=body.positions.shape))
     if broken:
-        with pytest.raises(ValueError, match=f"promises {broken} ="):
+        with pytest.raises(ValueError, match=f"declares {broken} ="):
             pd.force_density(model, fams, u, way="slices")
         return
     for way in ways_of(model, fams):
@@ -210,7 +213,7 @@ def test_a_promise_that_does_not_hold_is_refused(model, broken):
         assert relative(found, whole_force(model, fams, fams.bonds(u))) < 1e-13, way  # measured: 1e-15
 
 
-def test_a_lattice_with_volumes_or_places_of_its_own_is_a_cloud():
+def test_a_lattice_with_changed_volumes_or_positions_is_a_cloud():
     body = pd.lattice((7, 5), 0.5)
     volumes = np.linspace(1, 2, 35)
     for changed in (replace(body, volumes=volumes), replace(body, positions=body.positions + 0.01 * volumes[:, None])):
@@ -226,7 +229,7 @@ def test_a_lattice_with_volumes_or_places_of_its_own_is_a_cloud():
 
 
 def test_gradients_are_finite_where_there_is_no_point():
-    """Holes far from the body's own displacement; constants by which a law divides."""
+    """The displacement of the body is far from the 0 of empty cells, and the law divides by a constant."""
     body = pd.lattice((9, 7), 0.5, mask=np.arange(63).reshape(9, 7) < 40)
     lean = pd.families(body, 1.01, arrays=False)
     u = 0.02 * jnp.asarray(bodies.random(14).normal(size=body.positions.shape)) + jnp.asarray([3.0, 0.0])
@@ -246,8 +249,8 @@ def test_gradients_are_finite_where_there_is_no_point():
     assert abs(by_way[0] / by_way[1] - 1) < 1e-12  # measured: 1e-15
 
 
-def test_constants_of_another_kind_go_every_way():
-    """float32 among float64; a law that solves with its constants; F of `linearised` traced; u that is not real."""
+def test_every_backend_takes_unusual_constants_and_complex_u_raises():
+    """Constants in float32, a law that solves a linear system with its constants, and a traced F of `linearised`."""
     body = pd.lattice((7, 5), 0.5)
     fams = pd.families(body, 1.01)
     u = 0.02 * jnp.asarray(bodies.random(15).normal(size=body.positions.shape))
@@ -262,12 +265,11 @@ def test_constants_of_another_kind_go_every_way():
     tangent = pd.linearised(table.MODELS["seth_hill m=1"], F)
     by_jit = jax.jit(lambda F: pd.force_density(pd.linearised(table.MODELS["seth_hill m=1"], F), fams, u))(F)
     assert relative(by_jit, pd.force_density(tangent, fams, u, way="fft")) < 1e-13  # measured: 2e-15
-    with pytest.raises(ValueError, match="is for real u; got complex128"):
+    with pytest.raises(ValueError, match="takes real u only; got complex128"):
         pd.force_density(table.MODELS["lps"], fams, u + 1j, way="slices")
 
 
-def test_families_without_arrays_are_enough_for_what_they_promise():
-    """jvp and a loop of one's own; the rest says what is missing."""
+def test_families_without_arrays_suffice_for_jvp_and_other_functions_raise():
     body = pd.lattice((7, 5), 0.5)
     fams, lean = (pd.families(body, 1.01, arrays=arrays) for arrays in (True, False))
     u = 0.02 * jnp.asarray(bodies.random(17).normal(size=body.positions.shape))
@@ -283,7 +285,7 @@ def test_families_without_arrays_are_enough_for_what_they_promise():
             refused()
 
 
-def test_bad_ways_say_which_are_good():
+def test_errors_list_the_backends_that_can_evaluate_the_body():
     body = pd.lattice((7, 5), 0.5)
     fams, lean = (pd.families(body, 1.01, arrays=arrays) for arrays in (True, False))
     cloud = pd.families(pd.cloud(body.positions, 0.25), 1.01)
@@ -291,11 +293,11 @@ def test_bad_ways_say_which_are_good():
     u = jnp.zeros((35, 2))
     with pytest.raises(ValueError, match="way must be one of"):
         pd.force_density(pd.SethHill(1.0, law), fams, u, way="gpu")
-    with pytest.raises(ValueError, match=r"no polynomial of the displacement.*'families', 'slices'$"):
+    with pytest.raises(ValueError, match=r"not a polynomial in the displacement.*'families', 'slices'$"):
         pd.force_density(pd.SethHill(0.0, law), fams, u, way="fft")
-    with pytest.raises(ValueError, match=r"do not come from a lattice.*ways that do: 'families'$"):
+    with pytest.raises(ValueError, match=r"do not come from a lattice.*backends that can: 'families'$"):
         pd.force_density(pd.SethHill(0.0, law), cloud, u, way="slices")
-    with pytest.raises(ValueError, match=r"no point state made of sums.*ways that do: 'families'$"):
+    with pytest.raises(ValueError, match=r"no point state made of sums.*backends that can: 'families'$"):
         pd.force_density(pd.BondLevelAverage(law), fams, u, way="slices")
     with pytest.raises(ValueError, match=r"mean deformation.*'families', 'slices'$"):
         pd.force_density(pd.Correspondence(law), fams, u, jnp.eye(2), way="fft")

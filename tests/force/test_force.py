@@ -1,4 +1,4 @@
-"""Forces and energies: force states, stresses of affine maps, mean deformation, constants of each point, wrong use."""
+"""Force states, stresses of affine maps, mean deformations, constants that vary from point to point, and errors."""
 
 import bodies
 import equinox as eqx
@@ -21,7 +21,7 @@ state, force = eqx.filter_jit(pd.force_state), eqx.filter_jit(pd.force_density)
 @pytest.mark.parametrize("m", [1.0, 0.0, -0.7, None])
 @pytest.mark.parametrize("dim, N", [(1, 3), (2, 2), (3, 1.5)])
 def test_force_state_is_that_of_the_reference(m, dim, N):
-    """T on every bond of the centre of a patch; m None is the correspondence model."""
+    """The reference computes T on every bond of the centre of a patch. m = None is the correspondence model."""
     X, F = ref.lattice_ball(dim, 2 * N), bodies.deformation(dim, 1, size=0.2)
     args = (X, np.ones(len(X)), N, X @ (F - np.eye(dim)).T)
     if m is None:
@@ -37,7 +37,7 @@ def test_force_state_is_that_of_the_reference(m, dim, N):
 
 @pytest.mark.parametrize("name", [name for name in KINDS if MODELS[name].hyperelastic])
 def test_piola_stress_is_the_slope_of_the_energy_of_affine_maps(name):
-    """P = ∂W/∂F; P Fᵀ is symmetric where the model is objective; W by central differences, too."""
+    """P = ∂W/∂F by autodiff and by central differences. P Fᵀ is symmetric if the model is objective."""
     fam, F = pd.lattice_family(2, 2, 0.5, pd.cubic_spline_influence), bodies.deformation(2, 2, size=0.2)
     _, slope, P, *_ = bodies.homogeneous(MODELS[name], fam, F)
     assert worst(P, slope) < 1e-14  # 1e-16
@@ -49,7 +49,7 @@ def test_piola_stress_is_the_slope_of_the_energy_of_affine_maps(name):
 
 
 def test_stress_of_a_model_by_its_energy_alone_is_that_of_its_force_state():
-    """Σ V T⊗ξ of every point: P of the affine map where the family is whole, Ē₁ being exact."""
+    """Σ V T⊗ξ of every point is the P of the law, because Ē₁ is exact under an affine map."""
     F = bodies.deformation(2, 3, size=0.2)
     X = bodies.points(2, "cloud").positions
     out = bodies.respond(MODELS["seth_hill m=1, energy only"], bodies.families(2, "cloud"), X @ (F - np.eye(2)).T)
@@ -90,7 +90,7 @@ def test_a_homogeneous_periodic_body_is_in_equilibrium_and_moves_freely(name):
 
 @pytest.mark.parametrize("m, path", [(1.0, "states"), (1.0, "energy"), (None, "states")])
 def test_two_materials_by_hand(m, path):
-    """f_i = Σ_j (T_ij − T_ji) V_j with each T from its own point's λ: two uniform bodies' states, put together."""
+    """f_i = Σ_j (T_ij − T_ji) V_j, where each T has the λ of its own point. T comes from two uniform bodies."""
     body, u = bodies.points(2, "cloud"), bodies.displacement(2, "cloud", 6)
     soft = body.positions[:, 0] < 2.4
     lam = np.where(soft, 0.4, 2.1)
@@ -112,7 +112,7 @@ def test_two_materials_by_hand(m, path):
 
 
 def test_every_constant_may_vary():
-    """m, λ, μ of each point: the strain and stress of a point are those of a uniform body of its constants."""
+    """With m, λ and μ of each point, its strain and stress are those of a uniform body with these constants."""
     rng, fams = bodies.random(7), bodies.families(2, "cloud")
     u = jnp.asarray(bodies.displacement(2, "cloud", 7))
     m, lam, mu = rng.uniform(-1, 1, 15), rng.uniform(0.5, 2, 15), rng.uniform(0.5, 2, 15)
@@ -126,7 +126,7 @@ def test_every_constant_may_vary():
 # ---------------------------------------------------------------- wrong use
 
 SETH_HILL, CORRESPONDENCE = MODELS["seth_hill m=1"], MODELS["correspondence svk"]
-FAM, CROSS = pd.lattice_family(2, 2), pd.lattice_family(2, 1)  # the cross's bonds do not span L
+FAM, CROSS = pd.lattice_family(2, 2), pd.lattice_family(2, 1)  # L is singular on the four bonds of CROSS
 BODY = pd.families(pd.lattice((5, 3)), 1.5)
 REST, NAN = np.zeros((15, 2)), np.full((15, 2), np.nan)
 COLLAPSED = [[1.0, 0.0], [0.0, 0.0]]
@@ -174,8 +174,8 @@ def test_wrong_use_names_the_argument(call, named):
         call()
 
 
-def test_a_poor_family_is_named_by_its_point_and_taken_by_models_that_can():
-    """A plate with a whisker one point wide: L fails from its root on (two directions), K beyond it (one)."""
+def test_the_error_for_a_singular_family_names_the_point_and_depends_on_the_model():
+    """A plate has a line of single points. L is singular from its first point on, K only from the second on."""
     X = np.concatenate([pd.lattice((3, 2)).positions, [[3.5, 0.5], [4.5, 0.5], [5.5, 0.5]]])
     fams = pd.families(pd.cloud(X, 1.0), 1.5)
     for model, poor in ((SETH_HILL, r"point 6 \(3 such points\)"), (CORRESPONDENCE, r"point 7 \(2 such points\)")):
@@ -193,7 +193,7 @@ def test_a_poor_family_is_named_by_its_point_and_taken_by_models_that_can():
     ],
 )
 def test_points_on_a_slanted_line_are_refused(x64):
-    """K of a line is singular in either precision, whatever rounding makes of it."""
+    """K of a straight line is recognised as singular in both precisions, despite rounding."""
     for angle in np.arange(0.1, 1.5, 0.05):
         X = 0.7 * np.arange(5)[:, None] * np.array([np.cos(angle), np.sin(angle)])
         with jax.enable_x64(x64), pytest.raises(ValueError, match="shape tensor"):
@@ -217,7 +217,7 @@ def test_a_collapsed_bond_is_named():
 
 
 def test_springs_of_a_body_have_a_constant_for_each_point():
-    """Inside, that of the lattice family; and then every family has the same energy in a uniform stretch."""
+    """Inside the body it is that of the lattice family. All families then have the same energy in a uniform stretch."""
     body = pd.lattice((9, 8))
     fams, stretch = pd.families(body, 2.0), 1.001 * np.eye(2)
     model = pd.BondBased.from_family(1.5, fams)

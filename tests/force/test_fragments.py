@@ -1,4 +1,4 @@
-"""A point that has lost all its bonds: no force and no energy, for every model of the table, and finite derivatives."""
+"""A point that has lost all its bonds has no force and no energy in any model, and all derivatives are finite."""
 
 import jax
 import jax.numpy as jnp
@@ -30,7 +30,7 @@ REST = pd.families(pd.cloud(BODY.positions[KEEP], 1.0), 2.3)
 
 
 @pytest.mark.parametrize("name", [n for n, model in table.MODELS.items() if 2 in model.dims])
-def test_a_fragment_has_no_force_and_the_rest_is_as_if_it_were_gone(name):
+def test_a_point_without_bonds_has_no_force_and_does_not_affect_the_rest(name):
     model = table.MODELS[name]
 
     @jax.jit
@@ -54,14 +54,14 @@ def test_a_fragment_has_no_force_and_the_rest_is_as_if_it_were_gone(name):
     if name in KINDS:
         by_u, by_weight = slopes(WEIGHT, U)
         assert np.isfinite(by_u).all() and not by_u[LOST].any() and not by_u[:, :, LOST].any()
-        assert np.isfinite(by_weight).all() and not by_weight[LOST].any()  # by convention
+        assert np.isfinite(by_weight).all() and not by_weight[LOST].any()  # 0 by convention
         sparse = pd.jacobian(model, FAMS.with_weight(WEIGHT), U).toarray().reshape(by_u.shape)
         assert np.abs(sparse - by_u).max() < 1e-14 * np.abs(by_u).max()  # 3e-16
 
 
 @pytest.mark.parametrize("name", ["seth_hill m=-0.7", "lps", "silling control", "tupek_radovitzky"])
-def test_streamed_forces_know_fragments_too(name):
-    """Bodies of more bonds go over them slot by slot, with the sums over the reference configuration prepared."""
+def test_a_point_without_bonds_has_no_force_in_streamed_backends(name):
+    """Bodies with many bonds are streamed slot by slot, with prepared sums over the reference configuration."""
     model, body = table.MODELS[name], pd.lattice((40, 40))
     fams, lost = pd.families(body, 3.0), 815
     weight = np.where((np.asarray(fams.neighbours) == lost) | (np.arange(1600)[:, None] == lost), 0.0, 1.0)
@@ -74,7 +74,7 @@ def test_streamed_forces_know_fragments_too(name):
     assert np.isfinite(jax.grad(lambda u: jnp.sum(pd.force_density(model, fams, u) ** 2))(jnp.asarray(u))).all()
 
 
-def test_a_family_that_is_too_poor_is_still_named_and_stays_by_itself_under_jit():
+def test_a_singular_family_raises_and_under_jit_makes_only_its_own_point_nan():
     model, fams = pd.Correspondence(table.LINEAR), FAMS.with_weight(np.where(np.arange(20)[:, None] == LOST, 0.0, 1.0))
     poor = np.asarray(FAMS.weight).copy()
     poor[LOST, 1:] = 0.0
@@ -85,8 +85,8 @@ def test_a_family_that_is_too_poor_is_still_named_and_stays_by_itself_under_jit(
     assert np.flatnonzero(np.isnan(density)).tolist() == [LOST]
 
 
-def test_a_piece_that_has_come_off_rests():
-    """Statics of what is left: a body cut in two, both halves held."""
+def test_both_held_halves_of_a_cut_body_find_their_equilibrium():
+    """The left half stays at 0, and the right half moves as its support does."""
     fams = pd.cut(pd.families(BODY, 2.3), pd.Plane((2.0, 0.0), (1.0, 0.0)))
     x = BODY.positions[:, 0]
     scene = pd.scene(BODY, fams, pd.LPS(1.5, 0.7), pd.prescribe(x < 1, 0.0), pd.prescribe(x > 4, [0.1, 0.0]))

@@ -1,4 +1,4 @@
-"""Weighted volume, dilatation, energy density and stress at every point, against sums written out."""
+"""Weighted volume, dilatation, energy density and stress of every point equal their sums written out."""
 
 import bodies
 import jax.numpy as jnp
@@ -38,7 +38,7 @@ def test_energy_densities_add_up(name):
 @pytest.mark.parametrize("name", ["correspondence neo-hookean", "silling control", "bond_level"])
 @pytest.mark.parametrize("dim", [2, 3])
 def test_cauchy_stress_of_an_affine_map_is_the_laws(name, dim):
-    """Surfaces too: F̄ is exact there. σ = P Fᵀ/J with P by the law's own derivative."""
+    """σ = P Fᵀ/J with P by central differences of the law. It holds at surfaces too, where F̄ is exact."""
     model, fams, F = table.MODELS[name], bodies.families(dim, "cloud"), bodies.deformation(dim, 4)
     sigma = np.asarray(pd.cauchy_stress(model, fams, bodies.points(dim, "cloud").positions @ (F - np.eye(dim)).T))
     h = 1e-6
@@ -63,7 +63,7 @@ def test_von_mises_of_known_states():
         pd.von_mises(np.zeros(3))
 
 
-def test_fields_differentiate():
+def test_derivatives_of_fields_equal_central_differences():
     import jax
 
     fams, u = bodies.families(2, "cloud"), bodies.displacement(2, "cloud", 9)

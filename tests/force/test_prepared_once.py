@@ -1,4 +1,4 @@
-"""What depends on model and families alone is checked and prepared once: for plain calls and inside a user's jit."""
+"""Everything that depends on model and families alone is checked and prepared once, also inside a user's jit."""
 
 import bodies
 import equinox as eqx
@@ -21,7 +21,7 @@ jax.monitoring.register_event_duration_secs_listener(
 
 
 def programs(call):
-    """How many programs a call compiles or loads from a cache folder."""
+    """The number of programs that a call compiles or loads from a cache folder."""
     COMPILED.clear()
     jax.block_until_ready(call())
     return len(COMPILED)
@@ -29,7 +29,7 @@ def programs(call):
 
 @pytest.fixture
 def counted(monkeypatch):
-    """Names of what is checked and prepared."""
+    """The names of the functions that check and prepare, one for each call."""
     seen = []
     for module, name in ((shape_tensors, "_refuse"), (evaluate, "_backend")):
         real = getattr(module, name)
@@ -78,7 +78,7 @@ def test_the_shape_tensors_of_the_bonds_are_shared_by_models_and_constants(count
 
 
 def test_reference_sums_are_prepared_for_the_constants_that_they_read(monkeypatch):
-    """Other constants may differ, and be traced: a gradient in them computes no reference sums."""
+    """Other constants may differ or be traced: a gradient with respect to them computes no reference sums."""
     monkeypatch.setattr("pdjax.force.backends.padded.SMALL", 0)
     seen, real = [], streamed._reference
     monkeypatch.setattr(streamed, "_reference", lambda *args: seen.append(1) or real(*args))
@@ -94,7 +94,7 @@ def test_reference_sums_are_prepared_for_the_constants_that_they_read(monkeypatc
 
 
 def test_changed_families_and_models_are_checked_anew():
-    """A weight that leaves a point without a second direction; a sub-family too small."""
+    """New weights leave the bonds of a point in one direction, and a smaller r leaves too few bonds in sub-families."""
     fams = pd.families(BODY, 1.01)
     pd.force_density(silling(), fams, U)
     weight = np.array(fams.weight)

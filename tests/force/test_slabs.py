@@ -1,7 +1,7 @@
-"""Many devices give what one gives: on four devices forced on the host, and in two processes.
+"""Many devices give the results of one: on four devices that XLA simulates on the host, and in two processes.
 
-The checks are in `on_devices.py`, for the number of devices is fixed when JAX starts; every number compares with
-the general path (all bonds at once, on one device) or with NumPy.
+The checks are in `on_devices.py`, because the number of devices is fixed when JAX starts. The reference is the general
+path (all bonds at once, on one device) or NumPy.
 """
 
 import json
@@ -58,31 +58,31 @@ def test_derivatives_dynamics_and_statics_of_slabs(found):
     assert found["residual"] < 1e-7  # measured: 5e-10 of the load; the inner solver stops at 1e-10
 
 
-def test_sweeps_are_shared_and_the_same(found):
+def test_batches_are_divided_over_the_devices_and_give_the_same_results(found):
     sweeps = found["sweeps"]
     assert sweeps["map"] < 1e-13  # measured: 0
     assert sweeps["eigenvalues"] < 1e-13  # measured: 3e-16
     assert sweeps["shares"] == [2]  # of 7 states on 4 devices
 
 
-def test_refusals_say_what_would_do(found):
+def test_errors_say_which_meshes_work(found):
     messages = found["refusals"]
     assert len(messages) == 10
     assert (
-        "18 planes, which 4 devices can't share equally; numbers of devices that would do: 1, 2, 3"
+        "18 planes, which 4 devices cannot share equally; numbers of devices that work: 1, 2, 3"
         in (messages["not equal"])
     )
     assert "slabs of 3 planes (12 over 4 devices) are thinner than the 4 planes" in messages["thin"]
-    assert messages["thin"].endswith("would do: 1, 2, 3")
-    assert messages["nobody"].endswith("would do: 1")
+    assert messages["thin"].endswith("that work: 1, 2, 3")
+    assert messages["nobody"].endswith("that work: 1")
     assert "got a masked lattice" in messages["mask"] and "got families of a cloud" in messages["cloud"]
-    assert "BondLevelAverage is none" in messages["no moments"]
+    assert "BondLevelAverage has none" in messages["no moments"]
     assert "must be a jax.sharding.Mesh with an axis" in messages["no mesh"] and "got str" in messages["no mesh"]
     assert "(points, dim) = (64, 2); got (64, 3)" in messages["shape"] and "u must be finite" in messages["nan"]
     assert "one length >= 1; got [(2,), (3,)]" in messages["lengths"]
 
 
-def test_two_processes_give_what_one_gives():
+def test_two_processes_give_the_results_of_one():
     with socket.socket() as free:
         free.bind(("localhost", 0))
         port = free.getsockname()[1]

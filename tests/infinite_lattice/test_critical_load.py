@@ -215,3 +215,11 @@ def test_concrete_states_are_evaluated_inside_a_jit_of_other_values(law):
 
     for inside, outside in zip(jax.jit(scaled)(2.0), scaled(2.0), strict=True):
         np.testing.assert_allclose(inside, outside, rtol=1e-13)  # 1e-15
+
+
+@pytest.mark.parametrize("names", [("negative", "compression"), ("positive", "tension")])
+def test_a_side_has_two_names(names):
+    family, model = pd.lattice_family(1, 2), pd.SethHill(0.0, pd.LinearElastic(1.0, 0.0))
+    loads = [float(pd.critical_load(model, family, criterion="diagonal", side=side)) for side in names]
+    assert loads[0] == loads[1]
+    assert float(pd.load_slope(model, family, side=names[0])) == float(pd.load_slope(model, family, side=names[1]))

@@ -1,10 +1,9 @@
-"""What the first call of each public function may compile: programs, and lines of StableHLO of all of them.
+"""Budgets of the first call of each public function: the number of compiled programs and their lines of StableHLO.
 
-A program costs about 50 ms to compile however small it is, and a line a further millisecond or so. Both are counts, not
-times, so they do not depend on the machine or on what else runs there. A call that exceeds its budget has become slower
-to answer for the first time: look for JAX operations outside the one compiled function of the call
-(`JAX_LOG_COMPILES=1` names every program), or for a loop that is unrolled. A call that stays far below its budget has
-earned a smaller one.
+A program takes about 50 ms to compile however small it is, and each line takes about one millisecond more. Both are
+counts, not times, so they do not depend on the machine or on its load. The first call of a function that exceeds its
+budget has become slower. The cause may be a JAX operation outside the one compiled function of the call
+(`JAX_LOG_COMPILES=1` names every program), or an unrolled loop. Reduce the budget of a call that stays far below it.
 """
 
 import json
@@ -15,7 +14,7 @@ import pytest
 
 from pdjax.bench.first_calls import CALLS, MAIN, SMALL
 
-BUDGETS = {  # name: (programs, lines); the lines are a tenth above what was counted
+BUDGETS = {  # name: (programs, lines); the numbers of lines are a tenth larger than those counted
     "stability, 2D": (1, 1280),
     "stability, 3D": (1, 2070),
     "stability, a second model": (1, 350),
@@ -39,7 +38,7 @@ BUDGETS = {  # name: (programs, lines); the lines are a tenth above what was cou
 
 
 def counted(*names):
-    """name → (programs, lines) of the first calls, one after the other in a fresh process."""
+    """name → (programs, lines) of the first calls, which run one after the other in a new process."""
     command = [sys.executable, "-m", "pdjax.bench.first_calls", "--count", *names]
     done = subprocess.run(command, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
@@ -53,7 +52,7 @@ def test_every_call_has_a_budget():
 
 @pytest.mark.parametrize("names", [*((name,) for name in MAIN), tuple(SMALL)], ids=lambda names: names[0])
 def test_a_first_call_compiles_no_more_than_its_budget(names):
-    """The small calls share a process: a program that one has compiled is not compiled by the next."""
+    """The small calls share a process. A program that one of them has compiled is not compiled again by the next."""
     found = counted(*names)
     assert list(found) == list(names)
     over = {name: (found[name], BUDGETS[name]) for name in names if any(map(int.__gt__, found[name], BUDGETS[name]))}

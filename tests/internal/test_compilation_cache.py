@@ -1,6 +1,6 @@
-"""Compiled programs kept on disk: which folder, when, and what happens where it can't be written.
+"""Tests of compiled programs kept on disk: the folder, when it is used, and a folder that cannot be written.
 
-Each test runs in a process of its own, because the cache belongs to the whole process.
+The cache belongs to the whole process, so each test starts new processes.
 """
 
 import os
@@ -21,7 +21,7 @@ WORK = "np.testing.assert_allclose(jax.jit(lambda x: x * x + {0})(np.arange(3.0)
 
 
 def process(code, home, **settings):
-    """(lines printed, what is said on the error stream) of a fresh process whose user has this home and settings."""
+    """(lines printed, text on the error stream) of a new process with this home folder and environment."""
     env = {k: v for k, v in os.environ.items() if not k.startswith(("JAX_COMPILATION", "JAX_PERSISTENT", "XDG_CACHE"))}
     env |= {"HOME": str(home), "JAX_PLATFORMS": "cpu", **settings}
     done = subprocess.run([sys.executable, "-c", COUNT + code], env=env, capture_output=True, text=True, cwd=home)
@@ -49,7 +49,7 @@ def test_a_second_process_reads_what_the_first_has_compiled(tmp_path):
 
 
 def test_the_folder_may_be_named_after_jax_has_compiled(tmp_path):
-    """In another folder, or in none; what is compiled from then on is kept in the folder named last."""
+    """Programs compiled after the call are kept in the folder that was named last."""
     code = WORK.format(1) + "print(pd.use_compilation_cache('one'))\n" + WORK.format(2)
     code += "print(pd.use_compilation_cache('two'))\n" + WORK.format(3)
     said, _ = process(code, tmp_path)
@@ -59,7 +59,7 @@ def test_the_folder_may_be_named_after_jax_has_compiled(tmp_path):
 
 
 @pytest.mark.parametrize("given", ["", "'mine'"])
-def test_the_environment_is_asked_when_no_folder_is_named(given, tmp_path):
+def test_the_environment_names_the_folder_if_the_argument_does_not(given, tmp_path):
     settings = {"JAX_COMPILATION_CACHE_DIR": str(tmp_path / "theirs"), "XDG_CACHE_HOME": str(tmp_path / "xdg")}
     settings["JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS"] = "7.5"
     code = f"print(pd.use_compilation_cache({given}))\n"
@@ -73,7 +73,7 @@ def test_the_environment_is_asked_when_no_folder_is_named(given, tmp_path):
 
 
 @pytest.mark.parametrize("way", ["argument", "environment", "default"])
-def test_a_folder_that_cannot_be_written_is_said_once_and_the_work_goes_on(way, tmp_path):
+def test_a_folder_that_cannot_be_written_gives_one_warning_and_the_computation_continues(way, tmp_path):
     taken = tmp_path / "taken"
     taken.write_text("a file, no folder")
     settings = {"environment": {"JAX_COMPILATION_CACHE_DIR": str(taken)}, "default": {"XDG_CACHE_HOME": str(taken)}}
@@ -86,7 +86,7 @@ def test_a_folder_that_cannot_be_written_is_said_once_and_the_work_goes_on(way, 
     assert taken.read_text() == "a file, no folder"
 
 
-def test_the_command_line_keeps_what_it_compiles_and_says_in_one_line_where_it_cannot(tmp_path):
+def test_the_command_line_keeps_compiled_programs_or_says_in_one_line_why_it_cannot(tmp_path):
     code = "import sys; from pdjax.cli import main\nsys.argv = 'pdjax bench --list'.split()\n"
     code += "print(main(), jax.config.jax_compilation_cache_dir)"
     printed, said = process(code, tmp_path)

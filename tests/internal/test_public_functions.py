@@ -1,4 +1,4 @@
-"""What users give at the public doors: arrays of other libraries are taken, what is of the wrong kind is said."""
+"""Public functions accept arrays of other libraries, and name an argument of the wrong kind in their errors."""
 
 import inspect
 import warnings
@@ -34,8 +34,8 @@ FOREIGN = {
 
 
 @pytest.mark.parametrize("kind", FOREIGN)
-def test_arrays_as_other_libraries_give_them(kind):
-    """meshio's readers return big-endian arrays; others give lists, masked or read-only arrays."""
+def test_arrays_of_other_libraries_are_accepted(kind):
+    """The readers of meshio return big-endian arrays. Other libraries return lists, masked or read-only arrays."""
     as_given = FOREIGN[kind]
     cloud = pd.cloud(as_given(X), as_given(BODY.volumes))
     assert np.array_equal(cloud.positions, X)
@@ -55,14 +55,14 @@ def test_arrays_as_other_libraries_give_them(kind):
     assert np.array_equal(fams.with_weight(as_given(np.full(fams.weight.shape, 0.5))).weight, 0.5 * fams.weight)
 
 
-def test_pandas_columns_and_integers():
+def test_pandas_columns_and_integer_volumes_are_accepted():
     pandas = pytest.importorskip("pandas")
     frame = pandas.DataFrame({"x": X[:, 0], "y": X[:, 1], "V": 1})
     cloud = pd.cloud(frame[["x", "y"]], frame["V"])
     assert np.array_equal(cloud.positions, X) and cloud.volumes.dtype == float
 
 
-def test_integers_are_numbers():
+def test_integer_arrays_are_converted_to_floats():
     assert pd.cloud([[0, 0], [1, 0]], 1).positions.dtype == float
     assert not np.asarray(pd.force_density(MODEL, FAMS, np.zeros((20, 2), int))).any()
 
@@ -75,7 +75,7 @@ def test_integers_are_numbers():
         lambda x: pd.scene(BODY, FAMS, MODEL, pd.prescribe(np.arange(20), x)),
     ],
 )
-def test_masked_entries_stand_for_no_number(call):
+def test_masked_entries_raise_value_error(call):
     with pytest.raises(ValueError, match="1 masked entries"):
         call(np.ma.MaskedArray(U, mask=np.arange(40).reshape(20, 2) == 7))
 
@@ -119,7 +119,7 @@ LONG = {
     "stability_map",
     "stable_orders",
     "critical_load",
-}  # by name only
+}  # left out, because a call takes long or writes files
 
 
 def functions():
@@ -128,7 +128,7 @@ def functions():
 
 @pytest.mark.parametrize("name", functions())
 def test_every_function_names_an_argument_of_the_wrong_kind(name):
-    """Each first argument replaced by every other object: an answer, or a ValueError of our own words."""
+    """Each required argument is replaced by every other object: the call succeeds or raises a ValueError of pdjax."""
     function = getattr(pd, name)
     needed = [p for p in inspect.signature(function).parameters.values() if p.default is p.empty]
     needed = [p for p in needed if p.kind in (p.POSITIONAL_ONLY, p.POSITIONAL_OR_KEYWORD)]
@@ -141,10 +141,10 @@ def test_every_function_names_an_argument_of_the_wrong_kind(name):
                     function(*arguments)
                 except (ValueError, OSError) as error:
                     assert len(str(error)) > 20, (replaced.name, kind, error)
-                except Exception as error:  # arguments that do not fit each other are said by a note with their shapes
+                except Exception as error:  # arguments that do not fit each other: a note states their shapes
                     assert getattr(error, "__notes__", None), (name, replaced.name, kind, repr(error))
 
 
-def test_a_wrong_name_is_said_in_pythons_words():
+def test_an_unknown_argument_name_raises_pythons_type_error():
     with pytest.raises(TypeError, match="unexpected keyword argument 'methode'"):
         pd.solve(SCENE, methode="newton")

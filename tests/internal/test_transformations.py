@@ -1,7 +1,8 @@
 """Public functions × transformations: jit = eager, jvp = central difference, vjp = its transpose, vmap = loop.
 
-Each row is a function of one tree of arrays that holds everything: the model's constants, the families' bonds,
-volumes, influence and weights, F, u, k. All of its real numbers are moved at once, in a random direction.
+Each row is a function of one tree of arrays that holds all inputs: the constants of the model, the bonds, volumes,
+influence and weights of the families, F, u and k. All real numbers of the tree are perturbed at once, in a random
+direction.
 """
 
 import functools
@@ -35,7 +36,7 @@ def body(width):
 
 
 def both(*functions):
-    """Functions of the same tree in one row: they share a compile."""
+    """Several functions of the same tree as one function, so that they are compiled together."""
     return lambda x: tuple(function(*x) for function in functions)
 
 
@@ -60,7 +61,7 @@ TABLE = {
 
 
 def real_part(name, dtype=np.float64):
-    """(f of the list of a tree's real arrays, that list as NumPy of a dtype)."""
+    """(f as a function of the list of the real arrays of a tree, this list as NumPy arrays of a dtype)."""
     function, tree = TABLE[name]
     real, rest = eqx.partition(tree, lambda leaf: np.asarray(leaf).dtype.kind == "f")
     leaves, shape = jax.tree.flatten(real)
@@ -77,7 +78,7 @@ def moved(leaves, direction, step):
 
 
 def gap(a, b):
-    """The largest difference of two lists of arrays, each in units of the second's largest entry."""
+    """The largest difference of two lists of arrays, each divided by the largest entry of the second array."""
     scales = [np.max(np.abs(leaf)) or 1.0 for leaf in b]
     return max(worst(x / scale, y / scale) for x, y, scale in zip(a, b, scales, strict=True))
 
@@ -88,7 +89,7 @@ def dot(a, b):
 
 @functools.cache
 def transformed(name):
-    """f's real arrays, a direction, a cotangent, and one compiled function of them: f, its JVP, its VJP."""
+    """The real arrays of f, a direction, a cotangent, and one compiled function that returns f, its JVP and its VJP."""
     function, at = real_part(name)
     rng = bodies.random(2)
     direction = [rng.normal(size=leaf.shape) * np.max(np.abs(leaf)) for leaf in at]
@@ -103,7 +104,7 @@ def transformed(name):
 
 
 @pytest.mark.parametrize("name", TABLE)
-def test_transformations(name):
+def test_jit_jvp_vjp_and_vmap_of_a_public_function_agree(name):
     function, _ = real_part(name)
     at, direction, cotangent, everything = transformed(name)
     value, along, pulled = everything(at)
@@ -124,7 +125,7 @@ def test_transformations(name):
     stacked = jax.jit(jax.vmap(function))([np.stack(leaves) for leaves in zip(*batch, strict=True)])
     for n, leaves in enumerate(batch):
         assert gap([leaf[n] for leaf in stacked], everything(leaves)[0]) < 1e-12  # 2e-16
-    assert everything._cache_size() == 1  # no new value compiled anything
+    assert everything._cache_size() == 1  # new values do not compile anything
 
 
 BOTH_MODES = ("force_density", "law_stress", "symbol")
@@ -132,7 +133,7 @@ BOTH_MODES = ("force_density", "law_stress", "symbol")
 
 @pytest.mark.parametrize("name, x64", [(n, False) for n in TABLE] + [(n, True) for n in BOTH_MODES])
 def test_float32_inputs_give_float32_answers(name, x64):
-    """To 1e-5 of those in double precision; in either mode of JAX, the inputs decide."""
+    """The answers agree with double precision to 1e-5. The dtype of the inputs decides in both modes of JAX."""
     at, _, _, everything = transformed(name)
     exact = [np.asarray(leaf) for leaf in everything(at)[0]]
     with jax.enable_x64(x64):
@@ -144,7 +145,7 @@ def test_float32_inputs_give_float32_answers(name, x64):
 
 
 def compiled(call):
-    """How many programs XLA compiles during a call."""
+    """The number of programs that XLA compiles during a call."""
     events = []
 
     def listen(event, duration, **_):
@@ -170,11 +171,11 @@ def test_eager_calls_compile_nothing_for_new_values(name):
 
 
 def test_models_of_one_class_share_a_compile():
-    """m and the constants are traced; so are whole numbers given for them."""
+    """m and the constants of the law are traced, also if they are given as NumPy numbers."""
     force = jax.jit(lambda model: pd.force_state(model, FAM, jnp.asarray(F)))
     for m, lam in ((1.0, 1.3), (0.0, -0.2), (np.float64(0.7), 2.0)):
         force(pd.SethHill(m, pd.LinearElastic(lam, 0.7)))
-    assert force._cache_size() <= 2  # a NumPy number is not weakly typed
+    assert force._cache_size() <= 2  # NumPy numbers are not weakly typed: one more program
 
 
 @jax.jit
@@ -192,7 +193,7 @@ def jet(m):
 
 @pytest.mark.parametrize("m", [0.0, 1e-9, -0.7, 1.0])
 def test_force_is_smooth_in_the_order(m):
-    """Through m = 0, against central differences: a two-branch measure has 0 or NaN there."""
+    """The derivatives in m equal central differences, also at m = 0, where a measure of two branches gives 0 or NaN."""
     step, (_, slope, second) = 1e-4, jet(m)
     up, down = jet(m + step), jet(m - step)
     assert worst((up[0] - down[0]) / (2 * step), slope) < 1e-7  # 2e-10

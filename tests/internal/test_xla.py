@@ -1,4 +1,4 @@
-"""The setting of XLA without which some programs never end."""
+"""Tests of the XLA flag without which some programs never return."""
 
 import subprocess
 import sys
@@ -26,7 +26,7 @@ TWO = "--xla_force_host_platform_device_count=2"
         ("os.environ['XLA_FLAGS'] = '{flag}=true'", "{flag}=true"),
     ],
 )
-def test_what_the_user_said_of_it_stays(before, flags):
+def test_xla_flags_of_the_user_are_kept(before, flags):
     flag = pd._xla.FLAG
     code = PROBE.format(before=before.format(flag=flag))
     found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout

@@ -1,5 +1,7 @@
-"""Verdicts of the paper's claims follow from the numbers that are kept: the same row from the same numbers, and another
-word when the number that decides is another. (What is not decidable from the text is so whatever the numbers.)
+"""The verdicts on the paper's claims follow from the stored numbers.
+
+The stored numbers give the stored rows. If the number that decides is changed, the verdict changes. (A claim that is
+not decidable from the text stays so for all numbers.)
 """
 
 import copy
@@ -14,13 +16,13 @@ from pdjax.studies.paper._common import OPEN, judge
 
 KEPT = results.read(SAVED, quick=False)
 CLAIMS = {claim.key: claim for claim in paper.CLAIMS}
-EVERY = object()  # of a path: every entry there
+EVERY = object()  # in a path: every entry at this level
 
 FREE, BOTH = [False, False], ("2D, N = 3", "3D, N = 2")
 EDGE, READ = "|ω| h/c at k = π/h, large u0", "ω over the symbol's, m = 1, large u0"
 AFTER = "force differs after the onset by, in the mean"
 ONCE = "fails at once [compression, tension]"
-SPOILT = [  # key, [(path of a number, what is put there)], the verdict then
+SPOILT = [  # key, [(path of a number, new value)], new verdict
     ("equilibrium", [("uniform", "net force", 1e-3)], "refuted"),
     ("static", [("uniform", "bracket, exact", 0.0)], "confirmed"),
     ("entry", [("formula from autodiff", 1e-3)], "refuted"),
@@ -72,7 +74,7 @@ SPOILT = [  # key, [(path of a number, what is put there)], the verdict then
 
 
 def numbers(figure: str):
-    """The numbers of a sheet as they were before JSON made words of whole keys and of infinity."""
+    """The numbers of a sheet as they were before JSON turned integer keys and infinity into words."""
 
     def back(value):
         if isinstance(value, dict):
@@ -85,7 +87,7 @@ def numbers(figure: str):
 
 
 def put(where, path, value):
-    """Put a value at the end of a path, which must be there."""
+    """Put a value at the end of a path, which must exist."""
     key, *rest = path
     for at in list(where if isinstance(where, dict) else range(len(where))) if key is EVERY else [key]:
         if rest:
@@ -96,13 +98,13 @@ def put(where, path, value):
 
 
 @pytest.mark.parametrize("key", CLAIMS)
-def test_rows_that_are_kept_follow_from_numbers_that_are_kept(key):
+def test_stored_rows_follow_from_stored_numbers(key):
     kept = next(row for row in KEPT["claims"] if row["key"] == key)
     assert CLAIMS[key].row(numbers(CLAIMS[key].figure)) == kept
 
 
 @pytest.mark.parametrize(("key", "changes", "verdict"), SPOILT)
-def test_another_number_is_another_verdict(key, changes, verdict):
+def test_a_changed_number_changes_the_verdict(key, changes, verdict):
     claim = CLAIMS[key]
     before = numbers(claim.figure)
     after = copy.deepcopy(before)
@@ -112,7 +114,7 @@ def test_another_number_is_another_verdict(key, changes, verdict):
     assert claim.row(after)["verdict"] == verdict != claim.row(before)["verdict"]
 
 
-def test_every_claim_that_can_be_decided_is_spoilt():
+def test_every_decidable_claim_has_a_changed_number():
     open_ones = {row["key"] for row in KEPT["claims"] if row["verdict"] == OPEN}
     assert {key for key, *_ in SPOILT} | open_ones == set(CLAIMS)
     assert [judge(True), judge(False, True), judge(False)] == ["confirmed", "corrected", "refuted"]

@@ -1,4 +1,4 @@
-"""The paper's claims against the exact Jacobian: what needs the symbol to be answered (the rest: test_closed_forms)."""
+"""Claims of the paper that only the symbol or the exact Jacobian can decide. The others are in test_closed_forms."""
 
 import numpy as np
 import pytest
@@ -21,8 +21,8 @@ def load(law):
 
 
 @pytest.mark.parametrize("N", [1, 2, 3, 5])
-def test_s7_in_1d_discretisation_helps_the_diagonal_alone(load, N):
-    """m = 1: the diagonal's critical compression grows as the family shrinks; the symbol's is 0 for every N."""
+def test_in_1d_discretisation_stabilises_the_diagonal_but_not_the_symbol(load, N):
+    """m = 1: the critical compression of the diagonal grows as the family shrinks; that of the symbol is 0 (S7)."""
     # 1D m = 1: (1 + a)² = ½ / (½ + 1/(4N)), by hand from the printed bracket
     assert load(1.0, 1, N, "negative", "diagonal") == pytest.approx(np.sqrt(0.5 / (0.5 + 0.25 / N)) - 1, abs=1e-12)
     assert load(1.0, 1, N, "negative") == 0.0
@@ -30,8 +30,8 @@ def test_s7_in_1d_discretisation_helps_the_diagonal_alone(load, N):
 
 
 @pytest.mark.parametrize(("dim", "N"), [(2, 2), (2, 3), (3, 2)])
-def test_some_side_fails_at_once_for_every_order(load, dim, N):
-    """For every m the symbol's critical load is 0 on one side at least; between the thresholds on both."""
+def test_every_order_is_unstable_at_once_on_some_side(load, dim, N):
+    """For every m the critical load of the symbol is 0 on at least one side; between the thresholds it is 0 on both."""
     compression, tension = closed_forms.hydrostatic_thresholds(dim, N)
     assert compression < tension  # so no order is stable on both sides
     for m in (compression - 0.4, (compression + tension) / 2, tension + 0.4):
@@ -43,14 +43,14 @@ def test_some_side_fails_at_once_for_every_order(load, dim, N):
 @pytest.mark.parametrize(
     ("dim", "N", "negative", "positive"), [(2, 2, 0.0, 0.0), (2, 3, 0.0, 0.0), (3, 2, 0.0, 0.0), (3, 3, 0.0, 0.586688)]
 )
-def test_s8_the_logarithmic_model_is_not_stable_hydrostatically(load, dim, N, negative, positive):
-    """m = 0: unstable at the smallest compression in 2D and 3D; in 3D with N = 3 tension holds, to 58.7 %."""
+def test_the_logarithmic_model_is_unstable_under_hydrostatic_load(load, dim, N, negative, positive):
+    """m = 0 is unstable at the smallest compression in 2D and 3D; in 3D, N = 3, tension is stable up to 58.7 % (S8)."""
     assert load(0.0, dim, N, "negative") == negative
     assert load(0.0, dim, N, "positive") == pytest.approx(positive, abs=1e-5)
 
 
-def test_remark_on_dimension_the_exact_diagonals(load):
-    """m = 1, N = 3, λ = μ = 1: exact diagonals in 1D and 2D; the quoted 2D value −0.037 is neither law's."""
+def test_critical_loads_of_the_exact_diagonals_in_1d_and_2d(load):
+    """m = 1, N = 3: λ = μ = 1, and both possible laws of the paper in 2D; none has the quoted −0.037 (Remark 5)."""
     assert load(1.0, 1, 3, "negative", "diagonal") == pytest.approx(-0.0741799, abs=1e-6)
     assert load(1.0, 2, 3, "negative", "diagonal") == pytest.approx(-0.0254050, abs=1e-6)
     bulk = pd.SethHill(1.0, pd.LinearElastic(lam=1.0, mu=0.0))  # S = K tr(E) I
@@ -64,7 +64,7 @@ def test_remark_on_dimension_the_exact_diagonals(load):
 
 @pytest.mark.parametrize("a", [-0.05, 0.05])
 def test_sillings_model_is_marginal_not_stable(law, a):
-    """Its block is negative definite, as printed; but waves at the half-reciprocal points cost nothing."""
+    """Its diagonal block is negative definite, as printed, but waves at the half-reciprocal points have zero energy."""
     fam, F = pd.lattice_family(2, 3), (1 + a) * np.eye(2)
     model = pd.Correspondence(law)
     assert pd.stability(model, fam, F, criterion="block").verdict == "stable"
@@ -77,8 +77,8 @@ def test_sillings_model_is_marginal_not_stable(law, a):
     assert np.abs(corners).max() < 1e-15 * scale  # 2e-17: sin k·ξ = 0 on every bond; as sums of 1 − cos: rounding
 
 
-def test_general_closed_form_of_the_jacobian_is_autodiff(law):
-    """The paper's three-term entry ∂f_k(X)/∂x_l(X + η), for a random F and every η in two horizons, against jacfwd."""
+def test_general_closed_form_of_the_jacobian_equals_autodiff(law):
+    """The three terms of ∂f_k(X)/∂x_l(X + η), for a random F and every η within two horizons, equal autodiff."""
     rng = np.random.default_rng(3)
     F, m, N = np.eye(2) + 0.2 * rng.uniform(-1, 1, (2, 2)), 0.7, 2
     fam, model = pd.lattice_family(2, N), pd.SethHill(0.7, law)
@@ -106,8 +106,8 @@ def test_general_closed_form_of_the_jacobian_is_autodiff(law):
 @pytest.mark.parametrize(
     ("strain", "positive", "newton"), [(1.0, 0, "minimum"), (-1e-4, 1, "saddle"), (-1e-3, 3, "minimum")]
 )
-def test_s9_the_step_size_bar_is_at_a_saddle(strain, positive, newton):
-    """Positive eigenvalues of the homogeneous state, counted by the reference's complex steps; what Newton finds."""
+def test_the_compressed_step_size_bar_is_at_a_saddle(strain, positive, newton):
+    """Positive eigenvalues of the homogeneous state, counted by complex steps; the state that Newton finds (S9)."""
     scene = pd.scenes.step_size_bar(100, 3, strain)
     X, u = scene.body.positions, np.asarray(scene.closed_form)
     free = np.asarray(scene.unknowns)

@@ -1,6 +1,6 @@
-"""The closed forms against the plain NumPy reference, quadrature, roots of the exact diagonal, literal loops.
+"""The closed forms against the NumPy reference, quadrature, roots of the exact diagonal, and literal loops.
 
-Beside each tolerance: the largest error measured (float64). Slips S1 to S15 are those of
+The number beside a tolerance is the largest error measured, in float64. S1 to S15 are the slips of
 `closed_forms.SLIPS`.
 """
 
@@ -30,7 +30,7 @@ def isotropic(dim, lam, mu):
 
 
 def peer(dim, N, m, lam, mu, omega=None):
-    """force_of_u of the reference for `patch_row`: the force of the centre only."""
+    """The function force_of_u of the reference for `patch_row`: the force of the centre only."""
 
     def force(X, u):
         return ref.seth_hill_force(X, np.ones(len(X)), N, u, m, lam, mu, omega, rows=[0])
@@ -47,7 +47,7 @@ def moved_centre(dim, N, a, m, lam, mu):
 
 
 def spherical(dim):
-    """Directions and weights (sum 1) that average polynomials up to degree 8 over the sphere exactly."""
+    """Directions and weights (with sum 1) whose average over the sphere is exact for polynomials up to degree 8."""
     if dim == 1:
         return np.array([[1.0], [-1.0]]), np.full(2, 0.5)
     angle = 2 * np.pi * np.arange(16) / 16
@@ -61,7 +61,7 @@ def spherical(dim):
 
 
 def decaying(rate):
-    """A NumPy influence that is no constant (but for rate 0) and no power."""
+    """An influence for NumPy that is neither constant (except for rate 0) nor a power."""
     return lambda r, horizon: np.exp(-rate * r / horizon)
 
 
@@ -70,7 +70,7 @@ def decaying(rate):
 
 @pytest.mark.parametrize("dim", [1, 2, 3])
 def test_gamma_is_the_average_over_directions(dim):
-    """Γ/R = L⁻¹_pqii ⟨n_p n_q [2(m−1) n_1² + 1]⟩ with L = ⟨nnnn⟩; S11: the printed 3D form is off by 1."""
+    """Γ/R = L⁻¹_pqii ⟨n_p n_q [2(m−1) n_1² + 1]⟩ with L = ⟨nnnn⟩. The printed 3D form is 1 too small (S11)."""
     n, weight = spherical(dim)
     trace_dual = np.einsum("bii->b", ref._dual(n, weight))
     for m in (-1.0, -0.5, 0.0, 0.3, 1.0, 2.0):
@@ -101,13 +101,13 @@ def test_radial_factor_diverges_for_constant_influence_below_3d():
     assert abs(cf.radial_factor(3, 2.0) - cf.radial_factor(3, 2.0, constant)) < 1e-13  # 4e-15
     p = ref.lattice_ball(3, 12)[1:]
     lattice = 12**2 * np.mean(1 / np.sum(p**2, axis=1))
-    assert abs(lattice - cf.radial_factor(3, 1.0)) < 0.2  # 0.16, the excluded centre's share at N = 12
+    assert abs(lattice - cf.radial_factor(3, 1.0)) < 0.2  # 0.16, the share of the excluded centre at N = 12
 
 
 @pytest.mark.parametrize(("dim", "N"), [(1, 3), (2, 3), (3, 2)])
 @pytest.mark.parametrize("a", [-0.1, 0.2])
 def test_material_test_of_the_moved_centre(dim, N, a):
-    """S6: dT·dY of the reference has the corrected sign and index; printed: wrong sign, and size above 1D."""
+    """dT·dY of the reference equals the corrected form; the printed one has another sign and, above 1D, size (S6)."""
     m, lam, mu, eps = 0.8, 1.3, 0.7, 0.01
     X = ref.lattice_ball(dim, N)
     u = (a * X).astype(complex)
@@ -142,7 +142,7 @@ def test_diagonal_1d_is_exact(N, m):
 
 
 def test_critical_loads_1d():
-    """Remark 4's two numbers, and roots of the reference's own diagonal."""
+    """The two numbers of Remark 4, and the roots of the reference's diagonal."""
     assert round(float(cf.critical_load_1d(1.0, 1)), 3) == -0.184
     assert round(float(cf.critical_load_1d(1.0, 3)), 3) == -0.074
     for m, N, low, high in (
@@ -159,15 +159,15 @@ def test_critical_loads_1d():
     assert moved_centre(1, 3, 1e6, 0.48, 0.0, 0.5) < 0
 
 
-def test_smooth_through_hencky():
-    """∂/∂m at m = 0 of criterion and critical load: autodiff against central differences."""
+def test_forms_in_1d_are_smooth_at_order_zero():
+    """∂/∂m at m = 0 of criterion and critical load: autodiff equals central differences."""
     for function, step in (
         (lambda m: cf.bracket_1d(0.4, m, 3), 1e-5),
         (lambda m: cf.critical_load_1d(m, 3), 1e-5),
     ):
         slope = (function(step) - function(-step)) / (2 * step)
         assert abs(jax.grad(function)(0.0) - slope) < 1e-9  # 9e-11, of the difference
-    # Across the switch of the Taylor branch nothing jumps, in the second derivative either.
+    # Nothing jumps where the Taylor branch begins, not even the second derivative.
     second = jax.vmap(jax.grad(jax.grad(lambda m: cf.bracket_1d(0.4, m, 3))))
     at = 0.1 / (2 * np.log(1.4)) + np.array([-1e-9, 1e-9])
     assert abs(np.diff(second(jnp.asarray(at)))[0]) < 1e-7  # 7e-10
@@ -175,7 +175,7 @@ def test_smooth_through_hencky():
 
 @pytest.mark.parametrize("m", [-0.5, 0.0, 1.0, 1.5])
 def test_dispersion_1d(m):
-    """A complex wave put into the reference's force, and the patch's symbol in the limit of no amplitude."""
+    """ω² is that of a complex wave in the reference's force; for vanishing amplitude it is the symbol of the patch."""
     N, lam, mu = 3, 0.4, 0.9
     kappa, X = lam + 2 * mu, ref.lattice_ball(1, 6)
     for k, amplitude in itertools.product((0.4, 1.9, 3.0), (1e-6, 0.05)):
@@ -223,7 +223,7 @@ def test_singular_bar():
 
 
 def test_lattice_sums_2d():
-    """The printed sums are their ring plus the integral; the finite ones, by loops, differ (S2)."""
+    """The printed sums are their ring plus the integral. The finite sums, computed by loops, differ (S2)."""
     powers = ((0, 0), (2, 0), (4, 0), (2, 2), (6, 0), (4, 2))
     for N in (1, 3, 4.5):
         printed, exact = cf.lattice_sums_2d(N, "printed"), cf.lattice_sums_2d(N)
@@ -239,7 +239,7 @@ def test_lattice_sums_2d():
 
             ring = {(0, 0): 8, (2, 2): 0, (4, 2): 0}.get((i, j), 4)
             assert abs(p - ring - dblquad(density, 1, N, 0, np.pi / 2)[0]) < 1e-12  # 2e-15
-        # The axis points of the first ring, counted twice as printed, once by the loops.
+        # The printed sum counts the axis points of the first ring twice. The loops count them once.
         assert cf.lattice_sums_2d(1, "printed").s00 == 2 * cf.lattice_sums_2d(1).s00 == 8
     # S1: the weighted volume over V is the number of bonds: 28 at N = 3; πN² = 28.3, printed πN = 9.4.
     assert [len(cf.lattice_bonds(2, N)) for N in (1, 2, 3, 30)] == [4, 12, 28, 2820]
@@ -249,7 +249,7 @@ def test_lattice_sums_2d():
 
 
 def test_index_tensor_2d():
-    """The fifteen printed terms, one by one, and the contraction used in appendix C."""
+    """It equals the fifteen printed terms, added one by one, and has the contraction used in appendix C."""
     printed = np.zeros((2,) * 6)
     terms = (
         "ij jk kl rs|is  ij jk kr ls|is  ij jl lr ks|is  ik kl lr js|is  jk kl lr is|ij  ij jk ks lr|ir  "
@@ -267,7 +267,7 @@ def test_index_tensor_2d():
 
 @pytest.mark.parametrize("dim", [1, 2, 3])
 def test_inverse_shape_tensor(dim):
-    """L⁻¹ : n⊗n against the numerical inverse of the directional average."""
+    """L⁻¹ : n⊗n equals the numerical inverse of the directional average."""
     n, weight = spherical(dim)
     closed = np.einsum("ijkl,bk,bl->bij", cf.inverse_shape_tensor(dim, 2.0), n, n)
     assert np.max(np.abs(closed - ref._dual(n, 2 * weight))) < 1e-12  # 4e-15
@@ -290,7 +290,7 @@ def loops_2d(F, m, N, S, C, volume):
 
 
 def test_jacobian_2d_uniform_and_hydrostatic():
-    """Direct sums against loops, any F and law; the six-sums form against them, hydrostatic."""
+    """The direct sums equal loops for any F and law. The form with six sums equals them under hydrostatic load."""
     N, m, a = 3, 0.7, -0.1
     S = RNG.normal(size=(2, 2))
     S, C = S + S.T, isotropic(2, 0.7, 0.4) + 0.1 * np.einsum("ij,kl->ijkl", S, S + S.T)
@@ -303,13 +303,13 @@ def test_jacobian_2d_uniform_and_hydrostatic():
         direct = cf.jacobian_2d_uniform(hydro, m, N, S, C, 0.5, form)
         sums = cf.jacobian_2d_hydrostatic(a, m, N, S, C, 0.5, slips)
         assert np.max(np.abs(direct - sums)) < 1e-12  # 4e-15
-    # The printed general formula with its own coefficients, entry by entry.
+    # The printed general formula with its coefficients, entry by entry.
     printed = cf.jacobian_2d_hydrostatic(a, m, N, S, C, 1.0, "printed")
     assert np.max(np.abs(printed - literal_2ddfss(a, m, N, S, C))) < 1e-12  # 2e-15
 
 
 def literal_2ddfss(a, m, N, S, C):
-    """The general hydrostatic formula as printed, index by index (one symbol per Kronecker delta)."""
+    """The general hydrostatic formula as printed, index by index, with one symbol for each Kronecker delta."""
     log, pi, out = np.log(N), np.pi, np.zeros((2, 2))
     gam, d = np.asarray(cf.index_tensor_2d()), np.eye(2)
 
@@ -330,8 +330,8 @@ def literal_2ddfss(a, m, N, S, C):
 
 
 @pytest.mark.parametrize("m", [-0.6, 0.5, 1.0])
-def test_diagonal_2d_printed_and_the_lost_factor(m):
-    """The printed hydrostatic diagonal, and S4: the paper's own general formula has half its stress term."""
+def test_printed_2d_diagonal_differs_by_a_factor_from_the_general_formula(m):
+    """The paper's general formula has half the stress term of its hydrostatic diagonal (S4)."""
     N, a, kappa, h = 3, -0.07, 1.7, 0.2
     strain = ((1 + a) ** (2 * m) - 1) / (2 * m)
     log = np.pi * np.log(N)
@@ -347,7 +347,7 @@ def test_diagonal_2d_printed_and_the_lost_factor(m):
 @pytest.mark.parametrize("N", [2, 3, 4.5])
 @pytest.mark.parametrize(("law", "lam", "mu"), [("bulk", 0.5, 0.0), ("symmetric", 0.0, 0.5)])
 def test_diagonal_2d_corrected_is_exact(N, law, lam, mu):
-    """All slips corrected (κ = 1): the exact discrete diagonal of the lattice, S = ½ tr(E) I or S = E."""
+    """With all slips corrected (κ = 1) it is the exact discrete diagonal of the lattice, S = ½ tr(E) I or S = E."""
     for m, a in itertools.product((-0.5, 0.0, 1.0), (-0.2, 0.1)):
         exact = moved_centre(2, N, a, m, lam, mu)
         assert abs(cf.diagonal_2d(a, m, N, law=law) / exact - 1) < 1e-11  # 2e-14
@@ -366,7 +366,7 @@ def test_lattice_diagonal_and_its_root(dim, N):
 
 
 def test_chain_2d():
-    """S1 to S5 in numbers, m = 1, N = 3; its ends are a literal root and one of the exact diagonal."""
+    """S1 to S5 in numbers, m = 1, N = 3, from the root of the printed criterion to that of the exact diagonal."""
     bulk = cf.chain_2d(1.0, 3, "bulk")
     symmetric = cf.chain_2d(1.0, 3, "symmetric")
     loads = {step.slip: float(step.load) for step in bulk}
@@ -380,16 +380,16 @@ def test_chain_2d():
         root = brentq(lambda a, lam=lam, mu=mu: moved_centre(2, 3, a, 1.0, lam, mu), -0.5, 0.0, xtol=1e-15)
         assert abs(float(steps[-1].load) - root) < 1e-13  # 9e-17
         assert abs(float(cf.lattice_critical_load(1.0, 2, 3, lam, mu)) - root) < 1e-13  # 9e-17
-    # S5: −0.037 needs q between 12.59 and 12.95; no choice of corrections gives a load that rounds to it.
+    # S5: −0.037 needs q between 12.59 and 12.95. No choice of corrections gives a load that rounds to it.
     for law, size in itertools.product(("bulk", "symmetric"), range(5)):
         for slips in itertools.combinations(("S1", "S2", "S3", "S4"), size):
             assert round(float(cf.critical_load_2d(1.0, 3, slips, law)), 3) != -0.037
-    # It is half the 1D value, with which Remark 5 compares it.
+    # It is half the 1D value, and Remark 5 compares the two.
     assert round(float(cf.critical_load_1d(1.0, 3)) / 2, 3) == -0.037
 
 
 def test_criteria_2d_inequality_and_hencky_branch():
-    """S13: printed, the undeformed body fails. S14: the printed m = 0 branch is not the limit."""
+    """As printed, the undeformed body is unstable (S13), and the branch m = 0 is not the limit (S14)."""
     assert moved_centre(2, 3, 0.0, 1.0, 1.0, 1.0) < 0
     assert cf.satisfies_criterion_2d(0.0, 1.0, 3) and not cf.satisfies_criterion_2d(0.0, 1.0, 3, "printed")
     a = -0.3
@@ -398,7 +398,7 @@ def test_criteria_2d_inequality_and_hencky_branch():
     assert cf.bracket_2d(a, 0.0, 3) == 1
     for load in (-0.9, -0.3, 5.0):
         assert moved_centre(2, 3, load, 0.0, 1.0, 1.0) < 0  # Remark 7 holds for the 2D diagonal
-    assert moved_centre(3, 2, -0.1, 0.0, 1.0, 1.0) > 0  # 0.087: but not in 3D, where Γ(0) > 0 (S11)
+    assert moved_centre(3, 2, -0.1, 0.0, 1.0, 1.0) > 0  # 0.087: it does not hold in 3D, where Γ(0) > 0 (S11)
     assert abs(cf.critical_load_2d(0.0, 3, "printed") - np.expm1(-1 / (6 * np.pi))) < 1e-15  # 0
     assert np.isposinf(cf.critical_load_2d(0.0, 3))
     # Remark 7's window m < 0: the load is large near 0 but finite, here e^{1.77} − 1.
@@ -420,7 +420,7 @@ def random_gradient(dim):
 @pytest.mark.parametrize(("dim", "N", "decay"), FAMILIES)
 @pytest.mark.parametrize("m", [0.0, 1.0, -0.7])
 def test_jacobian_entry_at_every_eta(dim, N, decay, m):
-    """The whole row of the Jacobian, two horizons far, against complex steps; any F, any influence."""
+    """The whole row of the Jacobian, within two horizons, equals complex steps, for any F and any influence."""
     lam, mu, omega_of = 1.1, 0.6, decaying(decay)
     F = random_gradient(dim)
     xi = cf.lattice_bonds(dim, N)
@@ -442,7 +442,7 @@ def test_jacobian_entry_at_every_eta(dim, N, decay, m):
 
 
 def test_jacobian_terms_scale_with_the_spacing():
-    """In units of h, with V = h^d, every term carries 1/h²."""
+    """In units of h, with V = h^d, every term is proportional to 1/h²."""
     F, m, h = np.diag([1.1, 0.95]), 1.0, 0.25
     xi = cf.lattice_bonds(2, 2)
     tangent, stress = isotropic(2, 1.0, 1.0), np.diag([0.3, -0.1])
@@ -453,7 +453,7 @@ def test_jacobian_terms_scale_with_the_spacing():
 
 
 def test_static_equation_sign():
-    """S15: the bond-wise integrand T_ij − T_ji is the sum, 2T; the printed difference is zero."""
+    """The summand of a bond, T_ij − T_ji, is the sum 2T. The printed difference is zero (S15)."""
     X, F = ref.lattice_ball(2, 4), np.array([[1.1, 0.2], [0.0, 0.9]])
     u = X @ (F - np.eye(2)).T
     states = ref.seth_hill_states(X, np.ones(len(X)), 2, u, 0.5, 1.0, 1.0, points=range(13))
@@ -473,8 +473,8 @@ def test_static_equation_sign():
 
 
 @pytest.mark.parametrize(("dim", "N"), [(1, 3), (2, 3), (3, 2)])
-def test_strain_recovers_the_local_one_only_sometimes(dim, N):
-    """S12: F̄ always; Ē_m for m = 1, for similarities, in 1D; else off at second order in the strain."""
+def test_nonlocal_strain_is_exact_only_for_order_one_and_similarities(dim, N):
+    """F̄ is exact. Ē_m is exact for m = 1, for similarities and in 1D; else its error is of second order (S12)."""
     xi = cf.lattice_bonds(dim, N)
     omega = decaying(0.5)(np.linalg.norm(xi, axis=1), N)
     G = RNG.normal(size=(dim, dim))
@@ -489,9 +489,9 @@ def test_strain_recovers_the_local_one_only_sometimes(dim, N):
         if dim == 1:
             assert max(small) < 1e-14  # 2e-18
         else:
-            assert small[0] > 1e-5  # 1.3e-5 to 5.2e-5 at a strain of 1e-2: not rounding
+            assert small[0] > 1e-5  # 1.3e-5 to 5.2e-5 at a strain of 1e-2, far above rounding
             assert abs(small[0] / small[1] - 100) < 2  # 0.6: second order
-        # And the two strains, each by another route.
+        # Both strains also agree with another computation.
         F = np.eye(dim) + 0.1 * G
         other = ref.seth_hill_strain(xi, xi @ F.T, omega, m)
         assert np.max(np.abs(cf.nonlocal_strain(F, m, xi, omega) - other)) < 1e-13  # 1e-16
@@ -527,12 +527,12 @@ def test_silling_entry_at_every_eta(dim, N, decay):
     omega, A = omega_of(np.linalg.norm(xi, axis=1), N), kirchhoff_tangent(F, lam, mu)
     entries = jax.vmap(lambda e: cf.silling_entry(e, xi, omega, 1.0, A))(jnp.asarray(eta))
     assert np.max(np.abs(entries - blocks)) < 1e-13 * np.abs(blocks).max()  # 2e-16
-    # A zero-energy mode at the half-reciprocal points: the symbol vanishes there for any F.
+    # The half-reciprocal points are zero-energy modes: the symbol vanishes there for any F.
     for k in cf.half_reciprocal_points(dim):
         assert np.max(np.abs(ref.symbol_of_row((eta, blocks), k))) < 1e-13 * np.abs(blocks).max()  # 7e-16
 
 
-def test_silling_diagonal_3d_is_the_lattices_with_the_balls_shape_tensor():
+def test_silling_diagonal_3d_is_that_of_the_lattice_with_the_shape_tensor_of_a_ball():
     A = kirchhoff_tangent(np.diag([1.1, 0.9, 1.0]), 1.0, 1.0)
     ratios = []
     for N in (2, 4, 8):
@@ -554,7 +554,7 @@ def test_silling_diagonal_3d_is_the_lattices_with_the_balls_shape_tensor():
 
 @pytest.mark.parametrize(("dim", "N", "decay"), [(1, 3, 0.0), (2, 2, 0.0), (2, 3, 0.0), (2, 3, 1.5), (3, 1.5, 0.0)])
 def test_hydrostatic_thresholds(dim, N, decay):
-    """Signs of brute-force symbols on both sides of each threshold, and the symbol itself at finite load."""
+    """The signs of brute-force symbols change at each threshold, and the symbol agrees at finite load."""
     lam, mu = 1.0, 0.7
     influence = (lambda r, delta: jnp.exp(-decay * r / delta)) if decay else None
     low, high = (float(m) for m in cf.hydrostatic_thresholds(dim, N, influence))
@@ -581,14 +581,14 @@ def test_hydrostatic_thresholds(dim, N, decay):
 
 
 def test_thresholds_leave_no_order_stable_on_both_sides():
-    """1/2 and 1/2 in 1D; −∞ where no compression is safe; S8: m = 0 fails on both sides in 2D for every N."""
+    """Both are 1/2 in 1D; −∞ means that no compression is stable; m = 0 is unstable on both sides in 2D for every N."""
     assert [tuple(float(m) for m in cf.hydrostatic_thresholds(1, N)) for N in (1, 3, 6)] == [(0.5, 0.5)] * 3
     assert [float(m) for m in cf.hydrostatic_thresholds(2, 1)] == [-np.inf, 0.5]
     for N in (1, 2, 3, 4, 6, 8):
         low, high = cf.hydrostatic_thresholds(2, N)
         assert low < 0 < high
     low, high = cf.hydrostatic_thresholds(3, 3)
-    assert low < -0.5 < high < 0  # in 3D at N = 3 m = 0 is not caught in tension here, but is in compression
+    assert low < -0.5 < high < 0  # in 3D at N = 3 these waves show m = 0 unstable in compression only
     N2, N3 = (np.array(cf.hydrostatic_thresholds(2, N)) for N in (2, 3))
     assert np.allclose(N2, (-1.0, 1 / 3), atol=1e-12) and np.allclose(N3, (-0.531165, 0.257556), atol=1e-6)
 
@@ -626,7 +626,7 @@ def test_wrong_use_names_the_argument(call, named):
 
 
 def test_transformations():
-    """jit, vmap and grad go through; a derivative in m of an entry against a central difference."""
+    """jit, vmap and grad work. The derivative of an entry with respect to m equals a central difference."""
     ms = jnp.array([-1.0, -0.5, 0.0, 0.5, 1.0, 2.0])
     loads = jax.jit(jax.vmap(lambda m: cf.lattice_critical_load(m, 2, 3, 1.0, 1.0)))(ms)
     assert np.array_equal(np.isfinite(loads), np.asarray(ms) != 0)
@@ -649,7 +649,7 @@ def test_transformations():
 
 @pytest.mark.parametrize("m", [0.0, 1.0])
 def test_reference_force_is_the_derivative_of_its_energy(m):
-    """f = −(1/V) ∂Π/∂u on an irregular cloud with unequal volumes, and its two Jacobians agree."""
+    """f = −(1/V) ∂Π/∂u on an irregular cloud with unequal volumes, and the two Jacobians of the reference agree."""
     X = np.stack(np.meshgrid(np.arange(5.0), np.arange(4.0), indexing="ij"), axis=-1).reshape(-1, 2)
     X = X + 0.1 * RNG.uniform(-1, 1, X.shape)
     volumes, u = RNG.uniform(0.8, 1.2, len(X)), 0.05 * RNG.normal(size=X.shape)

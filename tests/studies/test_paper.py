@@ -1,4 +1,4 @@
-"""The paper on the command line: its table, what survives an interrupt, bad input, and the results that are kept."""
+"""The study of the paper on the command line: its table, interrupted runs, bad input, and the stored results."""
 
 import json
 import multiprocessing
@@ -43,7 +43,7 @@ QUESTIONS = {
 # --- the table
 
 
-def test_every_claim_has_its_sheet_and_a_key_of_its_own():
+def test_every_claim_has_a_sheet_and_a_unique_key():
     keys = [claim.key for claim in paper.CLAIMS]
     assert len(set(keys)) == len(keys)
     assert {claim.figure for claim in paper.CLAIMS} == set(paper.FIGURES)
@@ -63,17 +63,17 @@ def test_each_suspected_slip_is_a_question_with_a_test():
     assert all(by_key[key].test for key in asked)
 
 
-def test_commands_of_the_table_are_commands():
+def test_commands_in_the_table_can_be_parsed():
     for claim in paper.CLAIMS:
         program, *words = shlex.split(claim.command or "pdjax paper --figure family")
         assert program == "pdjax"
-        parser().parse_args(words)  # exits on a wrong word
+        parser().parse_args(words)  # it exits on a wrong argument
 
 
-# --- what the sheets measure with
+# --- functions of the sheets
 
 
-def test_a_zigzag_alternates_by_its_size():
+def test_the_alternation_of_a_zigzag_is_its_size():
     known = np.linspace(1, 2, 400)
     zigzag = 0.01 * (-1.0) ** np.arange(400)
     wanted = np.linalg.norm(zigzag[1:-1]) / np.linalg.norm(known)  # ¼ δ² of ±ε is ∓ε
@@ -81,7 +81,7 @@ def test_a_zigzag_alternates_by_its_size():
 
 
 def test_prediction_of_a_constant_rate_is_an_exponential():
-    """From 1e-3 at START with γ = 2 at a rate of 0.01: ONSET is passed where exp(200 (ε − START)) = 30."""
+    """From 1e-3 at START with γ = 2 and the rate 0.01, ONSET is exceeded where exp(200 (ε − START)) = 30."""
     strain = np.linspace(0, 0.1, 2001)
     run = {"strain": strain, "alternation over h": {"x": np.full(2001, 1e-3)}}
     _, onset = cuboid.predicted(run, np.array([2.0, 2.0]), 0.01, np.array([1e-4, 0.1]))
@@ -98,7 +98,7 @@ def test_slope_of_a_power_law_and_zero_of_a_line():
 
 
 def test_general_formula_and_roots_of_the_2d_diagonal():
-    """q = πN by the literal sums, and a_cr by the root of 1 + q[1 − (1 + a)⁻²] with q = 2M/r, M = 28 bonds."""
+    """q = πN from the literal sums; a_cr is the root of 1 + q[1 − (1 + a)⁻²] with q = 2M/r and M = 28 bonds."""
     assert abs(a_cr.q_of_general_formula() - 3 * np.pi) < 1e-9  # measured 7e-15
     found = a_cr.diagonal_roots_2d()
     assert abs(found["bulk"] - ((56 / 57) ** 0.5 - 1)) < 1e-12  # measured 4e-16
@@ -125,7 +125,7 @@ def test_list_names_every_figure(capsys):
         (["--out", "quick"], "holds a --quick run"),
     ],
 )
-def test_bad_input_is_said_before_anything_is_made(arguments, words, tmp_path, capsys, monkeypatch):
+def test_bad_input_is_reported_before_any_file_is_written(arguments, words, tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "a-file").write_text("")
     for name, text in (("damaged", "{"), ("quick", json.dumps({"quick": True, "figures": {}, "claims": []}))):
@@ -138,7 +138,7 @@ def test_bad_input_is_said_before_anything_is_made(arguments, words, tmp_path, c
 
 
 def answer(name: str, mood: str) -> str:
-    """What a process of its own is given to do."""
+    """The work given to a process in the tests below."""
     if mood == "dies":
         os._exit(1)
     if mood == "sleeps":
@@ -146,13 +146,13 @@ def answer(name: str, mood: str) -> str:
     if mood == "fails":
         raise ValueError(f"{name} fails")
     if mood == "fails to be sent":
-        raise jax.errors.TracerBoolConversionError(jax.make_jaxpr(lambda x: x)(1.0))  # pickles, but not back
+        raise jax.errors.TracerBoolConversionError(jax.make_jaxpr(lambda x: x)(1.0))  # it cannot be unpickled
     if mood == "answers what can't be sent":
         return lambda: name
     return f"{name}, float64: {jax.config.jax_enable_x64}, {maps.LAW.lam.dtype}"
 
 
-def test_processes_answer_as_they_finish_with_the_settings_of_the_first():
+def test_processes_have_the_settings_of_the_first_process():
     jobs = {"a": ("a", ""), "b": ("b", "")}
     found = dict(making.each(answer, jobs, 2))
     assert found == {name: f"{name}, float64: True, float64" for name in jobs} == dict(making.each(answer, jobs, 1))
@@ -165,7 +165,7 @@ def test_no_process_is_left_when_one_does_not_start():
     assert not multiprocessing.active_children()
 
 
-def test_an_accelerator_is_for_one_process(monkeypatch):
+def test_an_accelerator_is_used_by_one_process(monkeypatch):
     assert making.processes(9) <= making.MOST
     monkeypatch.setattr(jax, "default_backend", lambda: "gpu")
     assert making.processes(9) == 1
@@ -180,7 +180,7 @@ def test_an_accelerator_is_for_one_process(monkeypatch):
         ("dies", ChildProcessError, "made b ended without"),
     ],
 )
-def test_what_ends_a_sheet_ends_the_run_and_leaves_no_process(mood, error, words):
+def test_an_error_in_a_sheet_ends_the_run_and_all_processes(mood, error, words):
     with pytest.raises(error, match=words):
         list(making.each(answer, {"a": ("a", "sleeps"), "b": ("b", mood)}, 2))
     assert not multiprocessing.active_children()
@@ -188,7 +188,7 @@ def test_what_ends_a_sheet_ends_the_run_and_leaves_no_process(mood, error, words
 
 @pytest.fixture
 def two_sheets(monkeypatch):
-    """Two cheap sheets and a claim each; the second can be told to stop."""
+    """Two cheap sheets with a claim each. The second can be told to stop."""
     made = []
     stop = {"second": False}
 
@@ -209,12 +209,12 @@ def two_sheets(monkeypatch):
     sheets = {name: sheet(name) for name in ("first", "second")}
     table = tuple(Claim(name, name, "here", "2", name, check, question="Is it two?", test="t") for name in sheets)
     monkeypatch.setattr(paper, "FIGURES", sheets)
-    monkeypatch.setattr(making, "processes", lambda jobs: 1)  # what is patched here is not patched in another process
+    monkeypatch.setattr(making, "processes", lambda jobs: 1)  # another process would not see the patches
     monkeypatch.setattr(results, "CLAIMS", table)
     return made, stop
 
 
-def test_an_interrupted_run_goes_on(two_sheets, tmp_path, capsys):
+def test_an_interrupted_run_continues_with_the_missing_figures(two_sheets, tmp_path, capsys):
     made, stop = two_sheets
     out = tmp_path / "out"
     stop["second"] = True
@@ -223,7 +223,7 @@ def test_an_interrupted_run_goes_on(two_sheets, tmp_path, capsys):
     assert sorted(p.name for p in out.iterdir()) == ["paper-first.png", "paper.json", "paper.md"]
     stop["second"] = False
     assert main(["paper", "--quick", "--out", str(out)]) == 0
-    assert made == [("first", True), ("second", True)]  # the first was not made again
+    assert made == [("first", True), ("second", True)]  # the first is not made again
     said = capsys.readouterr().out
     assert "first: there already" in said and "2 confirmed" in said
     found = json.loads((out / "paper.json").read_text())
@@ -236,10 +236,10 @@ def test_an_interrupted_run_goes_on(two_sheets, tmp_path, capsys):
     assert len(json.loads(capsys.readouterr().out)["claims"]) == 2
 
 
-# --- the results that are kept
+# --- the stored results
 
 
-def test_results_that_are_kept_are_of_this_table():
+def test_stored_results_are_those_of_the_table_of_claims():
     found = results.read(SAVED, quick=False)
     assert [row["key"] for row in found["claims"]] == [claim.key for claim in paper.CLAIMS]
     assert {row["verdict"] for row in found["claims"]} <= set(paper.VERDICTS)

@@ -1,4 +1,4 @@
-"""Coloured Jacobians: the dense one, entry by entry, of models of every structure; and colours that never meet."""
+"""Coloured Jacobians equal dense ones for models of every structure, and columns of one colour share no row."""
 
 import bodies
 import jax
@@ -12,8 +12,11 @@ from pdjax.tangent.coloring import coloured_jacobian, colouring, jacobian_patter
 
 
 @pytest.mark.parametrize("name", ["bond_associated force", "correspondence svk", "bond_level average"])
-def test_coloured_is_dense(name):
-    """Two rings without a point state, two with one, three; on a bar long enough that colours are shared."""
+def test_coloured_jacobian_equals_the_dense_one(name):
+    """Models of two rings without a point state, of two rings with one, and of three rings, on a long bar.
+
+    The bar is so long that several points have the same colour.
+    """
     fams = pd.families(pd.bar(20), 2.01 / 20)
     u = jnp.asarray(2e-3 * bodies.random(1).uniform(-1, 1, (20, 1)))
     J = coloured_jacobian(MODELS[name], fams, u)
@@ -22,8 +25,8 @@ def test_coloured_is_dense(name):
     assert J.nnz < dense.size
 
 
-def test_coloured_is_a_central_difference_on_a_stretched_plate():
-    """Silling's model with St. Venant–Kirchhoff's law is of third degree in u: extrapolated differences are exact."""
+def test_coloured_jacobian_equals_central_differences_on_a_stretched_plate():
+    """Correspondence with the St. Venant–Kirchhoff law is cubic in u, so extrapolated differences are exact."""
     fams = pd.families(pd.lattice((5, 4)), 1.01)
     model, F = MODELS["correspondence svk"], jnp.diag(jnp.array([1.03, 0.98]))
     u = jnp.asarray(0.02 * bodies.random(2).uniform(-1, 1, (20, 2)))
@@ -43,7 +46,7 @@ def test_points_of_one_colour_share_no_row(rings):
     fams = pd.families(pd.lattice((9, 7)), 1.5)
     pattern = jacobian_pattern(fams, rings)
     apart = np.abs(pd.lattice((9, 7)).positions[:, None] - pd.lattice((9, 7)).positions[None]).max(axis=2)
-    assert np.array_equal(pattern.toarray() > 0, apart < rings + 0.5)  # king's moves
+    assert np.array_equal(pattern.toarray() > 0, apart < rings + 0.5)  # the bonds reach the eight neighbours
     colours = colouring(pattern)
     assert all((np.bincount(colours[row.indices]) <= 1).all() for row in pattern)
     least = int(np.diff(pattern.indptr).max())

@@ -1,4 +1,7 @@
-"""The exact Jacobian: dense, sparse, JVP, complex step, central differences, its pattern; the block of one point."""
+"""The dense, sparse and JVP forms of the Jacobian agree with each other, with complex steps and central differences.
+
+Other tests check its pattern, the tangent of one family, the centre block and the symbol.
+"""
 
 from typing import ClassVar
 
@@ -19,7 +22,7 @@ LAM, MU = 1.3, 0.7
 
 
 class Averaged(pd.PointStateModel):
-    """A bond force shared by both ends, t = ½ (t(A_i, ξ) − t(A_j, −ξ)): the force density is that of the base model."""
+    """A model that divides each bond force equally, t = ½ (t(A_i, ξ) − t(A_j, −ξ)). Its f is that of the base model."""
 
     base: pd.PointStateModel
     needs_other_end: ClassVar[bool] = True
@@ -39,7 +42,7 @@ class Averaged(pd.PointStateModel):
 
 
 class Product(pd.PointStateModel):
-    """No energy, no symmetry between the ends: t = ω (1 + θ_i)(1 + 2 θ_j² + φ_j) Y; the state is a tree."""
+    """A model without energy or symmetry of the ends, t = ω (1 + θ_i)(1 + 2 θ_j² + φ_j) Y. Its state is a tree."""
 
     hyperelastic: ClassVar[bool] = False
     needs_other_end: ClassVar[bool] = True
@@ -61,7 +64,7 @@ ALL = {**KINDS, **BOTH_ENDS}
 
 
 def peer(name, dim, kind):
-    """The force of u in NumPy, of the linear Seth–Hill and correspondence models of the table."""
+    """The force as a NumPy function of u, for the Seth–Hill and correspondence models of the table with linear laws."""
     body = bodies.points(dim, kind)
     args = (body.positions, body.volumes, bodies.HORIZONS[dim])
     if name == "correspondence svk":
@@ -89,7 +92,7 @@ SPARSE = [(name, 2, "cloud") for name in ALL] + [
 
 @pytest.mark.parametrize("name, dim, kind", SPARSE)
 def test_sparse_and_dense_agree(name, dim, kind):
-    """With weights that differ between the directions of a bond, and a bond broken on one side only."""
+    """The two directions of a bond have different weights, and one bond is broken in one direction only."""
     fams, u = bodies.families(dim, kind), bodies.displacement(dim, kind, 2)
     weight = bodies.random(dim).uniform(0.2, 1.0, fams.weight.shape)
     weight[1, 0] = 0.0
@@ -100,8 +103,8 @@ def test_sparse_and_dense_agree(name, dim, kind):
     assert worst(sparse.toarray() / np.max(dense), dense / np.max(dense)) < 1e-13  # 1e-14
 
 
-def test_jacobian_of_two_materials():
-    """Constants of each point travel to the far end's side of a bond; V J stays symmetric."""
+def test_jacobian_of_a_body_with_varying_constants_is_exact_and_symmetric():
+    """The far end of a bond pulls with its own constants. V J is symmetric."""
     lam = bodies.random(5).uniform(0.5, 2.0, 15)
     model, fams = pd.SethHill(1.0, pd.LinearElastic(lam, MU)), bodies.families(2, "cloud")
     u = bodies.displacement(2, "cloud", 5)
@@ -112,7 +115,7 @@ def test_jacobian_of_two_materials():
 
 
 @pytest.mark.parametrize("name", ["seth_hill m=-0.7", "correspondence neo-hookean"])
-def test_central_differences_converge_to_it_as_the_square_of_the_step(name):
+def test_central_differences_converge_to_the_jacobian_as_the_square_of_the_step(name):
     fams, u = bodies.families(2, "cloud"), bodies.displacement(2, "cloud", 6)
     J = bodies.respond(MODELS[name], fams, u).jacobian
 
@@ -122,11 +125,11 @@ def test_central_differences_converge_to_it_as_the_square_of_the_step(name):
     errors = [worst(ref.central_difference_jacobian(force, u, step), J) for step in (1e-2, 1e-3, 1e-4, 1e-6)]
     orders = np.log10(np.array(errors[:2]) / errors[1:3])
     assert worst(orders, 2.0) < 0.1  # 3e-4
-    assert errors[3] < 1e-8  # the floor: rounding over the step; 4e-10
+    assert errors[3] < 1e-8  # rounding divided by the step; measured 4e-10
 
 
 @pytest.mark.parametrize("name", ["seth_hill m=-0.7", "correspondence neo-hookean", "averaged"])
-def test_jvp_is_the_product_with_it(name):
+def test_jvp_is_the_product_with_the_jacobian(name):
     fams, u = bodies.families(2, "cloud"), jnp.asarray(bodies.displacement(2, "cloud", 7))
     v, F = jnp.asarray(bodies.random(7).normal(size=u.shape)), jnp.asarray(bodies.deformation(2, 7))
     along = eqx.filter_jit(pd.jvp)(ALL[name], fams, u, v, F)
@@ -134,8 +137,8 @@ def test_jvp_is_the_product_with_it(name):
     assert worst(along, product) < 1e-12  # 8e-15
 
 
-def test_a_force_shared_by_both_ends_is_the_same_force():
-    """The far end's state, its derivative in J and in the symbol: with ω_ij = ω_ji, nothing may change."""
+def test_a_force_divided_between_both_ends_has_the_same_jacobian_and_symbol():
+    """The model reads the state of the far end. With ω_ij = ω_ji this must not change J or the symbol."""
     shared, base = BOTH_ENDS["averaged"], MODELS["seth_hill m=-0.7"]
     fams, u = bodies.families(2, "cloud"), bodies.displacement(2, "cloud", 8)
     exact = ref.complex_step_jacobian(peer("seth_hill m=-0.7", 2, "cloud"), u)
@@ -154,11 +157,12 @@ BY_RINGS += ["bond_level", "bond_level average", "bond_associated force"]
 
 @pytest.mark.parametrize("name", BY_RINGS)
 def test_the_pattern_is_as_many_rings_of_neighbours_as_promised(name):
-    """Stored blocks lie within the rings, and for a generic state every block there is non-zero.
+    """Stored blocks lie within the rings, and for a generic state every block there is nonzero.
 
-    A spring needs its two ends: one ring. A bond needs the states of its two ends, and a point the forces of its own
-    bonds seen from both ends: two rings whether or not the far end's state is needed. Only states made from states
-    reach a third. (Members of a bond's own family are fewer than the family: blocks are missing, none is too many.)
+    A spring depends on its two ends: one ring. Other bonds depend on the states of both ends, because the force on a
+    point includes the reverse bonds: two rings, whether or not the model needs the state of the far end. Only states
+    made from states reach a third ring. In bond-associated models the family of a bond is smaller than that of the
+    point, so some blocks are missing.
     """
     rng, rings = bodies.random(9), ALL[name].rings
     X = pd.lattice((5, 3) if rings < 3 else (9, 2)).positions
@@ -187,7 +191,7 @@ block = eqx.filter_jit(lambda model, fam, F, k: (pd.center_block(model, fam, F),
 
 
 def zone_grid(dim, n):
-    """n wave vectors an axis over the whole zone: trigonometric sums of fewer than n harmonics average exactly."""
+    """A grid of n wave vectors along each axis of the zone. Its mean is exact for sums of fewer than n harmonics."""
     axes = np.meshgrid(*[2 * np.pi * np.arange(n) / n] * dim, indexing="ij")
     return np.stack([axis.reshape(-1) for axis in axes], axis=1)
 
@@ -195,7 +199,7 @@ def zone_grid(dim, n):
 @pytest.mark.parametrize("name", PEERS)
 @pytest.mark.parametrize("dim, N", [(1, 3), (2, 1.5), (3, 1.5)])
 def test_centre_block_is_that_of_a_patch_and_the_mean_of_the_symbol(name, dim, N):
-    """Against the complex step of the force at the centre of a patch in NumPy."""
+    """The patch is the NumPy reference: the complex step of the force at its centre."""
     F, reach = bodies.deformation(dim, 10, size=0.2), int(N)
 
     def force_of_u(X, u):
@@ -216,8 +220,8 @@ FAMILIES += ["sub_horizon", "bond_associated", "bond_associated force"]
 
 
 @pytest.mark.parametrize("name", FAMILIES)
-def test_the_tangent_of_one_family(name):
-    """C = ∂T/∂η: the derivative of the force state; C_bc = C_cbᵀ of an energy; its sums are the centre block."""
+def test_the_tangent_of_one_family_is_the_derivative_of_its_force_state(name):
+    """C = ∂T/∂η. C_bc = C_cbᵀ if the model has an energy, and sums of C give the centre block."""
     model, fam, F = ALL[name], pd.lattice_family(2, 1.5, 0.5, pd.gaussian_influence), bodies.deformation(2, 12)
     bonds = fam.bonds(jnp.asarray(F))
     if isinstance(model, pd.TwoStageModel):
@@ -235,7 +239,7 @@ def test_the_tangent_of_one_family(name):
 
 @eqx.filter_jit
 def tangents(model, fam, F):
-    """C by the package, and by jacfwd of the force state; the centre block."""
+    """C by the package, C by jacfwd of the force state, and the centre block."""
     bonds = fam.bonds(F)
     slope = jax.jacfwd(lambda eta: model.force_state(bonds._replace(eta=eta)))(bonds.eta)
     return family_tangent(model, bonds), slope, pd.center_block(model, fam, F)
@@ -243,7 +247,7 @@ def tangents(model, fam, F):
 
 @pytest.mark.parametrize("name", ALL)
 def test_a_periodic_body_has_the_symbol_and_the_centre_block(name):
-    """J of a periodic lattice: its diagonal block is the centre block, and on plane waves it is the symbol."""
+    """The diagonal block of J of a periodic lattice is the centre block, and J times a plane wave is the symbol."""
     body = pd.lattice((5, 7), 0.5, periodic=True)
     F = jnp.asarray(bodies.deformation(2, 11, size=0.2))
     J = pd.jacobian(ALL[name], pd.families(body, 0.75, pd.gaussian_influence), np.zeros((35, 2)), F=F)

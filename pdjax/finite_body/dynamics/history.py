@@ -7,16 +7,20 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..._internal.checks import on_device
+from ..._internal.ending import Ending
 from ..scene import Scene
 from .verlet import Energies
 
-DONE, NOT_FINITE, ENERGY_GREW, SOLVER_FAILED = range(4)
-REASONS = (
-    "ran to its end",
-    "a value is not finite",
-    "the energy grew beyond what was supplied",
-    "the solver failed",
-)
+
+class RunEnding(Ending):
+    """How a monitored run ended."""
+
+    DONE = 0, "ran to its end"
+    NOT_FINITE = 1, "a value is not finite"
+    ENERGY_GREW = 2, "the energy grew beyond what was supplied"
+    SOLVER_FAILED = 3, "the solver failed"
+
+
 # Energy over supplied energy at which a run is stopped. A linear motion with a stable step never exceeds 1.
 GROWTH = 10.0
 
@@ -112,14 +116,20 @@ class History(eqx.Module):
     @property
     def finished(self) -> bool:
         """True if the run reached its end. False for a run under a transformation of JAX, which is not monitored."""
-        return self.code == DONE
+        return self.code == RunEnding.DONE
+
+    @property
+    def ending(self) -> RunEnding | None:
+        """How the run ended, as an enumeration; None for a run that was traced."""
+        return None if self.code is None else RunEnding.of(self.code)
 
     @property
     def reason(self) -> str:
         """How the run ended, in words."""
         if self.code is None:
             return "the run was traced and therefore not monitored"
-        return REASONS[self.code] if self.failure is None else f"{REASONS[self.code]}: {self.failure.why}"
+        words = RunEnding.of(self.code).reason
+        return words if self.failure is None else f"{words}: {self.failure.why}"
 
     def __str__(self) -> str:
         error = float(np.max(np.abs(np.asarray(self.energies.error))))

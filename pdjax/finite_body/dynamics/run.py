@@ -25,7 +25,7 @@ from ..._internal.progress import progress
 from ..._internal.public import public_function
 from ..observers import Snapshot, check_observers
 from . import checkpoint as checkpoints
-from .history import DONE, ENERGY_GREW, NOT_FINITE, Failure, History, alarmed, as_arrays, failure, stacked
+from .history import Failure, History, RunEnding, alarmed, as_arrays, failure, stacked
 from .system import Motion, check_schedule
 from .time_step import SAFETY, critical_time_step
 from .verlet import Energies, State, advance, before_start, borrowed, energies, initial_state, march
@@ -207,31 +207,31 @@ def _watch(motion: Motion, observers, dt, saves, every, fields, path, checkpoint
         # The model has no energy. Take the work that the forces at the start would do on the way back to u = 0.
         stored = 0.5 * float(np.abs(np.asarray(state.force) * np.asarray(motion.start)).sum())
     floor = _rounding(motion, dt) + float(first.energies.kinetic) + stored
-    given, code, saved = max(_given(r) for r in records), DONE, state
+    given, code, saved = max(_given(r) for r in records), RunEnding.DONE, state
     done = len(records) - 1
     if not bool(state.finite):
-        code = NOT_FINITE
+        code = RunEnding.NOT_FINITE
     try:
-        for save in progress(range(done + 1, saves + 1), saves - done, "steps", show) if code == DONE else ():
+        for save in progress(range(done + 1, saves + 1), saves - done, "steps", show) if code == RunEnding.DONE else ():
             state, record = _go_on(ready, observers, saved, step, many, fields)
             if not bool(state.finite):
-                code = NOT_FINITE
+                code = RunEnding.NOT_FINITE
                 break
             record = jax.tree.map(np.asarray, record)
             records.append(record)
             given = max(given, _given(record))
             swing = float(record.borrowed[0]) - float(first.borrowed[0])
             if alarmed(first.energies, record.energies, swing, floor + given):
-                code = ENERGY_GREW
+                code = RunEnding.ENERGY_GREW
                 break
             saved = state
             keep(save, state, records, at_once=save == saves)
     except KeyboardInterrupt:
         keep(len(records) - 1, saved, records, at_once=True)
         raise
-    told = None if code == DONE else _diagnose(motion, state, saved, dt)
+    told = None if code == RunEnding.DONE else _diagnose(motion, state, saved, dt)
     out = stacked(records)
-    last = saved if code == NOT_FINITE else state
+    last = saved if code == RunEnding.NOT_FINITE else state
     u, v = out.fields if fields else (np.asarray(last.u)[None], np.asarray(last.v)[None])
     steps = min(int(state.step), saves * every)
     return History(out.t, u, v, as_arrays(out.energies), out.observed, dt, steps, code, told)

@@ -9,23 +9,24 @@ terms for `diffrax.SemiImplicitEuler`, for undamped motions. Held components fol
 Source: Kidger 2021 (diffrax).
 """
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-import optimistix as optx
 from jaxtyping import Array
 
 from ..._internal.checks import is_concrete, namespace, on_device
 from ..._internal.public import public_function
 from ..observers import Snapshot, check_observers
-from .history import DONE, SOLVER_FAILED, Failure, History
+from .history import Failure, History, RunEnding
 from .run import SAVES, run_length, time_step
 from .system import Hold, Motion, check_schedule
 from .verlet import Energies, State, energies
+
+if TYPE_CHECKING:
+    import diffrax
 
 # Assumed size of the displacements over the horizon, where the start, the velocities and the supports give none.
 UNKNOWN = 1e-3
@@ -94,7 +95,7 @@ class _Kick(eqx.Module):
 
 
 @public_function
-def diffrax_terms(motion: Motion) -> diffrax.ODETerm:
+def diffrax_terms(motion: Motion) -> "diffrax.ODETerm":
     """Make the term of a motion for the Runge–Kutta methods of diffrax.
 
     y = (q, w):   q' = w,   w' = S (f + λ b)/ρ − c w
@@ -124,11 +125,13 @@ def diffrax_terms(motion: Motion) -> diffrax.ODETerm:
     >>> [round(float(x[0]), 6) + 0.0 for x in rate]
     [0.0, -0.001]
     """
+    import diffrax
+
     return diffrax.ODETerm(_Field(motion.prepared()))
 
 
 @public_function
-def symplectic_terms(motion: Motion) -> tuple[diffrax.ODETerm, diffrax.ODETerm]:
+def symplectic_terms(motion: Motion) -> "tuple[diffrax.ODETerm, diffrax.ODETerm]":
     """Make the pair of terms of an undamped motion for `diffrax.SemiImplicitEuler`.
 
     q' = w,   w' = a(q) = S (f + λ b)/ρ
@@ -165,11 +168,15 @@ def symplectic_terms(motion: Motion) -> tuple[diffrax.ODETerm, diffrax.ODETerm]:
             f"symplectic_terms needs an undamped motion; this one has damping {motion.damping}: use diffrax_terms, or"
             " another solver than SemiImplicitEuler"
         )
+    import diffrax
+
     return diffrax.ODETerm(_Drift()), diffrax.ODETerm(_Kick(motion.prepared()))
 
 
 @eqx.filter_jit
 def _run(motion, terms, solver, controller, dt, times, most, adjoint):
+    import diffrax
+
     found = diffrax.diffeqsolve(
         terms,
         solver,
@@ -209,14 +216,14 @@ def simulate_diffrax(
     motion: Motion,
     duration: float | None = None,
     *,
-    solver: diffrax.AbstractSolver | None = None,
+    solver: "diffrax.AbstractSolver | None" = None,
     dt=None,
     rtol: float | None = None,
     atol: float | None = None,
     saves: int = SAVES,
     observers: dict[str, Any] | None = None,
     max_steps: int = 1_000_000,
-    adjoint: diffrax.AbstractAdjoint | None = None,
+    adjoint: "diffrax.AbstractAdjoint | None" = None,
     throw: bool = False,
 ) -> History:
     """Run a motion with a solver of diffrax.
@@ -279,6 +286,9 @@ def simulate_diffrax(
     check_observers(motion.scene, observers)
     if not (float(saves).is_integer() and saves >= 1):
         raise ValueError(f"saves must be a whole number >= 1; got {saves!r}")
+    import diffrax
+    import optimistix as optx
+
     solver = diffrax.Tsit5() if solver is None else solver
     real = motion.start.dtype
     times = np.linspace(0, duration, int(saves) + 1).astype(real)
@@ -310,10 +320,10 @@ def simulate_diffrax(
     steps = found.stats["num_steps"]
     if not is_concrete(motion, observers, u):
         return History(jnp.asarray(times), u, v, budget, observed, duration / steps, steps)
-    code, told = DONE, None
+    code, told = RunEnding.DONE, None
     finite = np.isfinite(np.asarray(q)).all(axis=1) & np.isfinite(np.asarray(w)).all(axis=1)
     if not (bool(good) and finite.all()):
-        code, told = SOLVER_FAILED, _last_finite(motion, times, u, v, finite, diffrax.RESULTS[found.result])  # type: ignore
+        code, told = RunEnding.SOLVER_FAILED, _last_finite(motion, times, u, v, finite, diffrax.RESULTS[found.result])  # type: ignore
         there = slice(0, told.step + 1)
         times, u, v, observed = jax.tree.map(lambda x: np.asarray(x)[there], (times, u, v, observed))
         budget = jax.tree.map(lambda x: on_device(np.asarray(x)[there]), budget)

@@ -23,7 +23,7 @@ from ..._internal.public import public_function
 from ..factorisation import Factor, Singular, load_rate, matrix, relative, residual_and_scale
 from ..scene import Scene, frozen
 from ..spectrum import need_energy
-from .result import CONVERGED, OUT_OF_STEPS, REASONS, SINGULAR, STEP_TOO_SMALL
+from .result import SolveEnding
 
 NEWTON = 12  # most Newton iterations of a step
 EASY = 4  # iterations up to which the next step may be longer
@@ -136,10 +136,10 @@ def equilibrium_path(
         lu, rate = tangent(q, factor)
         out_positive.append(lu.positive)
     except Singular:
-        return EquilibriumPath(np.zeros(1), np.array(out_u), np.array([-1]), f"{REASONS[SINGULAR]} at rest")
+        return EquilibriumPath(np.zeros(1), np.array(out_u), np.array([-1]), f"{SolveEnding.SINGULAR.reason} at rest")
     theta2 = 1.0 / max(float(rate @ rate), np.finfo(float).tiny)
     last_q, last_factor = rate, 1.0
-    reason = REASONS[OUT_OF_STEPS]
+    reason = SolveEnding.OUT_OF_STEPS.reason
     while len(out_factor) < states + 1:
         size = np.sqrt(theta2 * rate @ rate + 1.0)
         sign = np.sign(theta2 * rate @ last_q + last_factor) or 1.0
@@ -148,7 +148,7 @@ def equilibrium_path(
         if found is None:
             arc /= 2
             if arc < 1e-6 * largest_arc:
-                reason = f"{REASONS[STEP_TOO_SMALL]} (arc {arc:.1e})"
+                reason = f"{SolveEnding.STEP_TOO_SMALL.reason} (arc {arc:.1e})"
                 break
             continue
         q, factor, iterations = found
@@ -164,7 +164,7 @@ def equilibrium_path(
         if iterations <= EASY:
             arc = min(1.5 * arc, largest_arc)
         if abs(factor) >= stop_at:
-            reason = REASONS[CONVERGED]
+            reason = SolveEnding.CONVERGED.reason
             break
     return EquilibriumPath(np.array(out_factor), np.array(out_u), np.array(out_positive), reason)
 

@@ -24,7 +24,7 @@ from jaxtyping import Array
 
 from ..factorisation import Factor, Singular, as_operator, matrix, product, relative, residual_and_scale
 from ..scene import Scene
-from .result import CONVERGED, NO_DECREASE, NOT_FINITE, OUT_OF_STEPS, SINGULAR
+from .result import SolveEnding
 
 HALVINGS = 25
 RESTART = 120  # Krylov vectors that GMRES keeps: 120 × unknowns numbers
@@ -97,13 +97,13 @@ def newton(
     for _ in range(max_iterations):
         history.append(left)
         if not np.isfinite(history[-1]):
-            return q, NOT_FINITE, history
+            return q, SolveEnding.NOT_FINITE, history
         if history[-1] <= tolerance:
-            return q, CONVERGED, history
+            return q, SolveEnding.CONVERGED, history
         try:
             step = -solver(scene, q, factor)(r)
         except Singular:
-            return q, SINGULAR, history
+            return q, SolveEnding.SINGULAR, history
         length = 1.0
         for _ in range(HALVINGS):
             r_new, size_new, left = measure(moved(q, length * step))
@@ -111,7 +111,7 @@ def newton(
                 break
             length *= 0.5
         else:
-            return q, NO_DECREASE, history
+            return q, SolveEnding.NO_DECREASE, history
         q, r, size = moved(q, length * step), r_new, size_new
     history.append(left)
-    return q, CONVERGED if history[-1] <= tolerance else OUT_OF_STEPS, history
+    return q, SolveEnding.CONVERGED if history[-1] <= tolerance else SolveEnding.OUT_OF_STEPS, history

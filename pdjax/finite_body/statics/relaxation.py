@@ -20,7 +20,7 @@ from jaxtyping import Array
 
 from ..factorisation import matrix, relative, residual_and_scale, residual_of
 from ..scene import Scene
-from .result import CONVERGED, NOT_FINITE, OUT_OF_STEPS
+from .result import SolveEnding
 
 CHUNK = 200  # steps between two evaluations of the relative residual
 SAFETY = 1.1  # factor on the masses of Gershgorin's bound
@@ -84,11 +84,11 @@ def relaxation(
         # The material became stiffer than Gershgorin's bound, so the chunk is repeated with larger masses.
         if not size <= worst:
             if left == 0:
-                return q, NOT_FINITE, history
+                return q, SolveEnding.NOT_FINITE, history
             mass, left, v, old = 4 * mass, left - 1, np.zeros_like(q), np.zeros_like(q)
             continue
         q, v, old = map(np.asarray, after)
         history.append(float(relative(size, scale)))
     if not np.isfinite(history[-1]):
-        return q, NOT_FINITE, history
-    return q, CONVERGED if history[-1] <= tolerance else OUT_OF_STEPS, history
+        return q, SolveEnding.NOT_FINITE, history
+    return q, SolveEnding.CONVERGED if history[-1] <= tolerance else SolveEnding.OUT_OF_STEPS, history

@@ -12,19 +12,22 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..._internal.checks import is_concrete
+from ..._internal.ending import Ending
 from ..spectrum import BodyStability
 
-CONVERGED, OUT_OF_STEPS, NO_DECREASE, SINGULAR, NOT_FINITE, STEP_TOO_SMALL, FLOWN = range(7)
 TORN = 1e3  # ratio of the length of a bond to its reference length beyond which the body counts as come apart
-REASONS = (
-    "converged",
-    "the iterations ran out",
-    "no step along the search direction decreases the residual",
-    "the Jacobian is singular",
-    "the residual is not finite: a bond collapsed or the displacement diverged",
-    "the load step fell below the smallest allowed",
-    "the body came apart: a bond is longer than 1000 times its reference length, where its force may vanish",
-)
+
+
+class SolveEnding(Ending):
+    """How `solve` ended."""
+
+    CONVERGED = 0, "converged"
+    OUT_OF_STEPS = 1, "the iterations ran out"
+    NO_DECREASE = 2, "no step along the search direction decreases the residual"
+    SINGULAR = 3, "the Jacobian is singular"
+    NOT_FINITE = 4, "the residual is not finite: a bond collapsed or the displacement diverged"
+    STEP_TOO_SMALL = 5, "the load step fell below the smallest allowed"
+    TORN = 6, "the body came apart: a bond is longer than 1000 times its reference length, where its force may vanish"
 
 
 class Equilibrium(eqx.Module):
@@ -74,7 +77,7 @@ class Equilibrium(eqx.Module):
     @property
     def converged(self) -> bool | np.ndarray:
         """True if the body carries the full load with a relative residual below the tolerance."""
-        good = np.asarray(self.code) == CONVERGED
+        good = np.asarray(self.code) == SolveEnding.CONVERGED
         return bool(good) if good.ndim == 0 else good
 
     @property
@@ -84,9 +87,14 @@ class Equilibrium(eqx.Module):
         return float(values[np.isfinite(values)][-1]) if np.isfinite(values).any() else float("nan")
 
     @property
+    def ending(self) -> SolveEnding:
+        """How the solver ended, as an enumeration."""
+        return SolveEnding.of(int(self.code))
+
+    @property
     def reason(self) -> str:
         """Why the solver stopped, in words."""
-        words = REASONS[int(self.code)]
+        words = self.ending.reason
         return words if self.failed_step is None else f"{words} ({self.failed_step})"
 
     @property

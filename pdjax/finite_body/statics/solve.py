@@ -24,7 +24,7 @@ from ..spectrum import body_stability
 from .implicit import attach, leaves_sum, without_derivative
 from .newton import direct, krylov, newton
 from .relaxation import CHUNK, relaxation
-from .result import CONVERGED, FLOWN, NOT_FINITE, SINGULAR, STEP_TOO_SMALL, Equilibrium, torn, turned_bonds
+from .result import Equilibrium, SolveEnding, torn, turned_bonds
 from .trust_region import trust_region
 
 SOLVERS = ("newton", "newton_krylov", "trust_region", "relaxation")
@@ -69,11 +69,11 @@ def _climb(scene: Scene, method, q: np.ndarray, step, smallest_step, predictor, 
         target = 1.0 if size == 1.0 - factor else factor + size
         trial = _predict(scene, method, q, factor, size) if predictor == "tangent" else q
         new, code, residuals = _attempt(scene, method, trial, target, tolerance, most, shown)
-        if code == CONVERGED and bool(torn(scene.families, scene.displacement(new, target))):
-            code = FLOWN
+        if code == SolveEnding.CONVERGED and bool(torn(scene.families, scene.displacement(new, target))):
+            code = SolveEnding.TORN
         history += residuals
         iterations += (len(residuals) - 1) * (CHUNK if method == "relaxation" else 1)
-        if code == CONVERGED:
+        if code == SolveEnding.CONVERGED:
             q, factor = new, target
             if factor >= 1.0:
                 return q, factor, code, history, iterations, None
@@ -83,8 +83,8 @@ def _climb(scene: Scene, method, q: np.ndarray, step, smallest_step, predictor, 
             failed = f"from load factor {factor:.6g} to {target:.6g}"
             if factor == 0.0 and size == 1.0:
                 q, factor = new, 1.0  # The only step, to the full load, failed: return the state it reached.
-            elif code not in (SINGULAR, NOT_FINITE, FLOWN):
-                code = STEP_TOO_SMALL
+            elif code not in (SolveEnding.SINGULAR, SolveEnding.NOT_FINITE, SolveEnding.TORN):
+                code = SolveEnding.STEP_TOO_SMALL
             return q, factor, code, history, iterations, failed
         else:
             step = size / 2
@@ -197,7 +197,12 @@ def solve(
     )
     u = at = quiet.displacement(q, factor)
     if not is_concrete(scene):  # `quiet` is concrete, so the scene is traced for a derivative
-        u = _differentiable(scene, attach(scene, q, factor) if code == CONVERGED else q, factor, code != CONVERGED)
+        u = _differentiable(
+            scene,
+            attach(scene, q, factor) if code == SolveEnding.CONVERGED else q,
+            factor,
+            code != SolveEnding.CONVERGED,
+        )
     look = stability and scene.model.hyperelastic and _sound(quiet, q, factor)
     result = Equilibrium(
         u,
@@ -235,8 +240,8 @@ def _traced(scene: Scene, quiet: Scene, start: Array | np.ndarray, tolerance, mo
         r = residual_of(scene, q, 1.0)
         q = q - jnp.linalg.solve(A, r - jax.lax.stop_gradient(r))
     u = scene.displacement(q, 1.0)
-    code = jnp.where((code == CONVERGED) & torn(quiet.families, u), FLOWN, code)
-    u = without_derivative(u, leaves_sum(scene), code != CONVERGED)
+    code = jnp.where((code == SolveEnding.CONVERGED) & torn(quiet.families, u), int(SolveEnding.TORN), code)
+    u = without_derivative(u, leaves_sum(scene), code != SolveEnding.CONVERGED)
     used = jnp.sum(jnp.isfinite(history)) - 1
     turned = turned_bonds(quiet.families, u)
     return Equilibrium(u, jnp.ones((), q.dtype), history, used, code, turned, None, None, "trust_region")

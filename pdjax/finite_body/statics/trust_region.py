@@ -16,7 +16,7 @@ from jaxtyping import Array
 
 from ..factorisation import relative, residual_and_scale, residual_of
 from ..scene import Scene
-from .result import CONVERGED, NOT_FINITE, OUT_OF_STEPS
+from .result import SolveEnding
 
 LARGEST = 4000  # unknowns: a dense matrix of 128 MB
 
@@ -60,5 +60,6 @@ def trust_region(
         return q, eqx.filter(state, eqx.is_array), history.at[n + 1].set(measure(q)), n + 1
 
     q, _, history, n = jax.lax.while_loop(go_on, step, (q, dynamic, history, jnp.zeros((), int)))
-    code = jnp.where(history[n] <= tolerance, CONVERGED, jnp.where(jnp.isfinite(history[n]), OUT_OF_STEPS, NOT_FINITE))
+    ended, ran_out, bad = (int(SolveEnding[name]) for name in ("CONVERGED", "OUT_OF_STEPS", "NOT_FINITE"))
+    code = jnp.where(history[n] <= tolerance, ended, jnp.where(jnp.isfinite(history[n]), ran_out, bad))
     return q, code, history

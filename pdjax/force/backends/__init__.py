@@ -1,1 +1,4 @@
-"""Ways to evaluate a body: padded families, slices of a lattice, convolutions on a lattice. One result."""
+"""Backends of the force density: padded families, slices of a lattice, convolutions on a lattice.
+
+All backends compute the same forces to rounding. `slabs` divides a lattice body over many devices.
+"""

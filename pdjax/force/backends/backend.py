@@ -1,9 +1,9 @@
-"""What a backend is: the forces of one model on one body, with everything that does not depend on u prepared.
+"""The interface of a backend, which computes the forces of one model on one body.
 
 A backend is a module with two functions, and one line in `pdjax.force.operator.BACKENDS`:
 
-    refusal(model, families) -> str | None     why this model and body can't be evaluated so; None if they can
-    prepare(model, families) -> Backend        the prepared backend
+    refusal(model, families) -> str | None     why the backend cannot evaluate this model and body, or None if it can
+    prepare(model, families) -> Backend        the backend, with everything prepared that does not depend on u
 """
 
 from abc import abstractmethod
@@ -19,28 +19,31 @@ from ...geometry.bonds import Families
 
 
 class Backend(eqx.Module):
-    """A prepared backend. The model stays an argument of `force`, so that its constants may be differentiated."""
+    """A prepared backend. The model is an argument of `force`, so that its constants can be differentiated."""
 
-    takes_mean: ClassVar[bool] = True  # a mean deformation F under the displacement
-    takes_complex: ClassVar[bool] = False  # complex displacements
+    takes_mean: ClassVar[bool] = True  # whether `force` accepts a mean deformation F
+    takes_complex: ClassVar[bool] = False  # whether `force` accepts complex displacements
     compiler_options: ClassVar[dict] = {}
 
     @abstractmethod
     def force(self, model: Any, u: Float[Array, "points dim"], F: Array | None) -> Float[Array, "points dim"]:
-        """f of every point [force/length^dim]; F is a mean deformation or None."""
+        """f of every point [force/length^dim]. F is a mean deformation gradient or None."""
 
 
 def lattice_refusal(model: Any, families: Families) -> str | None:
-    """Why a backend for lattices and models made of moments does not apply; None if it does."""
+    """Why a backend for lattices and models made of moments cannot be used, or None if it can."""
     if families.grid is None or not _equal_volumes(families):
-        return "they do not come from a lattice (`pd.lattice`, `bar`, `plate`, `cuboid`, without weights of their own)"
+        return (
+            "the families do not come from a lattice (`pd.lattice`, `bar`, `plate` or `cuboid`, with equal volumes and"
+            " without bond weights)"
+        )
     if not model.by_moments:
         return f"{type(model).__name__} has no point state made of sums over single bonds"
     return None
 
 
 def _equal_volumes(families: Families) -> bool:
-    """Whether all points have the volume of a cell, as far as it is known."""
+    """Whether all points have equal volumes. Traced volumes are assumed equal."""
     if not is_concrete(families.volumes):
         return True
 

@@ -1,13 +1,16 @@
-"""Component by component: a function of small arrays, for many points at once, as plain arithmetic on long arrays.
+"""A function of small arrays, evaluated for many points at once as plain arithmetic on long arrays.
 
-A model is written for one bond, in vectors and small matrices. `jax.vmap` of it makes arrays whose last axis has length
-3 and small batched matrix products: XLA runs those at 10 to 60 ns a bond on a CPU. Here the function is traced once
-for one point, and each of its operations is carried out on *components*: an array of shape (3, 3) of a point is a
-NumPy object array of nine entries, each a JAX array over the points (or a number shared by them). Elementwise
-operations then run over contiguous memory and fuse; zeros and ones of constant tensors are dropped on the way.
+A model is written for one bond, in vectors and small matrices. `jax.vmap` of it gives arrays whose last axis has length
+3, and small batched matrix products. XLA needs 10 to 60 ns a bond for these on a CPU.
 
-Operations that only move entries are replayed on an array of indices. What is not known here is stacked, batched by
-`jax.vmap` and taken apart again: right for every function, fast for the arithmetic of models.
+This module traces the function once for one point and then carries out each operation on *components*. The components
+of an array of shape (3, 3) are a NumPy object array of nine entries. Each entry is a JAX array over the points, or a
+number that all points share. Elementwise operations then run over contiguous memory, and XLA can fuse them. Products
+with the zeros and ones of constant tensors are dropped.
+
+Operations that only move entries are replayed on an array of indices. Every other operation is evaluated by stacking
+its operands, `jax.vmap`, and splitting the result again. The result is therefore correct for every function, and fast
+for the arithmetic of which models consist.
 """
 
 import functools
@@ -20,7 +23,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax.extend import core
 
-Components = np.ndarray  # of objects: JAX arrays over the points, 0-d JAX arrays, or NumPy scalars
+Components = np.ndarray  # its entries are JAX arrays over the points, 0-d JAX arrays, or NumPy scalars
 
 _MOVES = {"broadcast_in_dim", "reshape", "slice", "squeeze", "transpose", "rev", "copy", "expand_dims"}
 _MOVES_MANY = {"concatenate", "split", "pad", "stack"}
@@ -36,7 +39,7 @@ _PRICES = {
     "cos": 20,
     "tanh": 10,
 }
-DEAR = 25.0  # operations: some 3 ns a point
+DEAR = 25.0  # the cost, in operations, from which an entry counts as expensive: about 3 ns a point
 _ELEMENTWISE = set(
     "abs acos asin atan atan2 cbrt ceil cos cosh erf exp exp2 expm1 floor log log1p max min neg not pow rem round rsqrt"
     " sign sin sinh sqrt square tan tanh integer_pow convert_element_type is_finite eq ne lt le gt ge and or xor"
@@ -81,7 +84,7 @@ _INLINED = {"jit", "pjit", "closed_call", "core_call", "custom_lin"}
 
 
 def split(x: Any, batched: bool = True) -> Components:
-    """(…, points) → components (…) over the points; not batched: (…) → shared numbers."""
+    """(…, points) → components (…) over the points. If not batched, (…) → numbers that all points share."""
     shape = x.shape[:-1] if batched else np.shape(x)
     out = np.empty(shape, dtype=object)
     known = not batched and not isinstance(x, jax.core.Tracer) and not isinstance(x, jax.Array)
@@ -105,7 +108,7 @@ def _is(entry: Any, value: float) -> bool:
 
 
 def _simplified(name: str, a: Any, b: Any) -> Any:
-    """a ∘ b where one is a constant 0 or 1 and nothing needs to be computed; else None."""
+    """The result of an operation if a constant 0 or 1 makes it equal to one operand, else None."""
     if name == "mul":
         if _is(a, 0) or _is(b, 1):
             return a
@@ -122,13 +125,13 @@ def _simplified(name: str, a: Any, b: Any) -> Any:
 
 
 def _bind(primitive: Any, params: dict, entries: list) -> Any:
-    """One elementwise primitive on entries: constants on the host, everything else with points where any has them."""
+    """One elementwise primitive on entries. Constants are computed on the host, everything else over the points."""
     if all(_known(e) for e in entries):
         if primitive.name in _ON_HOST and (primitive.name != "div" or np.asarray(entries[0]).dtype.kind in "fc"):
             with np.errstate(all="ignore"):
-                told = params if primitive.name in _TOLD else {}  # the others' params say what the dtypes say too
+                told = params if primitive.name in _TOLD else {}  # other params only repeat the dtypes
                 return np.asarray(_ON_HOST[primitive.name](*map(np.asarray, entries), **told))[()]
-        with jax.ensure_compile_time_eval():  # seldom: each is a program of its own
+        with jax.ensure_compile_time_eval():  # this compiles a program, but it is rarely needed
             return np.asarray(primitive.bind(*map(jnp.asarray, entries), **params))[()]
     entries = [jnp.asarray(e) for e in entries]
     shape = jnp.broadcast_shapes(*(e.shape for e in entries))
@@ -154,7 +157,7 @@ def _indices(shape: tuple[int, ...], start: int = 0) -> np.ndarray:
 
 
 def _padded(x: np.ndarray, value: np.ndarray, padding_config: Any) -> np.ndarray:
-    """`jax.lax.pad`: (before, behind, between) entries of `value` along every axis; negative ones are cut off."""
+    """`jax.lax.pad`: add (before, behind, between) entries of `value` along every axis. Negative numbers cut off."""
     for axis, (before, behind, between) in enumerate(padding_config):
         count = x.shape[axis]
         shape = list(x.shape)
@@ -193,21 +196,21 @@ _MOVED_ON_HOST: dict[str, Callable] = {
 
 
 def _moved(eqn: Any, operands: list[Components]) -> list[Components]:
-    """Replay an operation that only moves entries on an array of their numbers."""
+    """An operation that only moves entries, replayed on an array of their indices."""
     flat = np.concatenate([x.reshape(-1) for x in operands])
     starts = np.cumsum([0, *(x.size for x in operands[:-1])])
     numbers = [_indices(x.shape, int(s)) for x, s in zip(operands, starts, strict=True)]
     if eqn.primitive.name in _MOVED_ON_HOST:
         out = _MOVED_ON_HOST[eqn.primitive.name](*numbers, **eqn.params)
     else:
-        with jax.ensure_compile_time_eval():  # seldom: each is a program of its own
+        with jax.ensure_compile_time_eval():  # this compiles a program, but it is rarely needed
             out = eqn.primitive.bind(*map(jnp.asarray, numbers), **eqn.params)
     results = out if eqn.primitive.multiple_results else [out]
     return [flat[np.asarray(r).reshape(-1)].reshape(r.shape) for r in results]
 
 
 def _sum_of_products(rows: list[tuple], dtype: Any, costs: "_Costs") -> Any:
-    """Σ of products of entries, in the order given, zeros and ones left out."""
+    """The sum of products of entries in the given order, without the operations that a 0 or 1 makes unnecessary."""
     total = np.zeros((), dtype)[()]
     for factors in rows:
         term = factors[0]
@@ -260,15 +263,15 @@ def _reduced(eqn: Any, x: Components, costs: "_Costs") -> Components:
 
 
 def _batched(eqn: Any, operands: list[Components]) -> list[Components]:
-    """Any other operation: stacked, batched, taken apart."""
+    """Any other operation: stack the components, batch the operation by `jax.vmap`, and split its result."""
     given = {v: x for v, x in zip(eqn.invars, operands, strict=True) if not isinstance(v, core.Literal)}
     lengths = [np.shape(e) for x in given.values() for e in x.reshape(-1) if np.ndim(e)]
-    points = max((n[0] for n in lengths), default=1)  # 1: an earlier result of constants alone
+    points = max((n[0] for n in lengths), default=1)  # 1 if all operands are constants
 
     def alone(*values: Any) -> list:
         known = dict(zip(given, values, strict=True))
         read = [v.val if isinstance(v, core.Literal) else known[v] for v in eqn.invars]
-        bound = eqn.primitive.get_bind_params(eqn.params)  # a pair in versions of JAX before 0.10
+        bound = eqn.primitive.get_bind_params(eqn.params)  # versions of JAX before 0.10 return a pair
         functions, settings = bound if isinstance(bound, tuple) else ((), bound)
         result = eqn.primitive.bind(*functions, *read, **settings)
         return result if eqn.primitive.multiple_results else [result]
@@ -278,7 +281,10 @@ def _batched(eqn: Any, operands: list[Components]) -> list[Components]:
 
 
 def _fans(jaxpr: Any) -> dict:
-    """How often an entry of each variable is read by what follows; operations that only move are looked through."""
+    """How often later operations read an entry of each variable.
+
+    An operation that only moves entries does not count as a reader. Its own readers count instead.
+    """
     fans = {v: 0.0 for v in jaxpr.invars}
     for v in jaxpr.outvars:
         if not isinstance(v, core.Literal):
@@ -297,11 +303,11 @@ def _fans(jaxpr: Any) -> dict:
 
 
 class _Costs:
-    """What it costs to compute an entry anew, in operations since it was last kept; and the keeping.
+    """The cost of computing each entry again, in operations, and the trick that makes XLA store expensive entries.
 
-    XLA on a CPU computes an intermediate again in every kernel that reads it, unless its last operation is one that
-    it thinks expensive, such as a division. So what is dear and read more than once is divided by `one`, an input
-    whose value is 1.
+    On a CPU, XLA computes an intermediate again in every kernel that reads it, unless its last operation is one that
+    XLA considers expensive, such as a division. An entry that is expensive and read more than once is therefore divided
+    by `one`, an input whose value is 1.
     """
 
     def __init__(self, one: Any, inputs: dict[int, float]):
@@ -361,10 +367,10 @@ def _run(jaxpr: Any, consts: list, operands: list[Components], costs: _Costs) ->
 
 
 def by_components(function: Callable, dtype: Any, one: Any = None, dear: list | None = None) -> Callable:
-    """`function` of trees of small arrays → the same function of trees of `Components`, all floats being of `dtype`.
+    """Turn a function of trees of small arrays into the same function of trees of `Components`.
 
-    `one`: an array of value 1 that the compiler does not know, to keep dear intermediates with; `dear`: entries among
-    the arguments that are costly to read.
+    All floating-point numbers have the dtype `dtype`. `one` is an input of value 1, which `_Costs` uses to make XLA
+    store expensive intermediates. `dear` lists entries among the arguments that are expensive to read.
     """
 
     def run(*trees):

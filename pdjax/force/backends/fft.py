@@ -1,16 +1,19 @@
-"""The force density on a lattice by FFT: exact, at a cost that does not grow with the horizon.
+"""The backend "fft": forces on a lattice by convolutions, exact to rounding. The cost does not grow with the horizon.
 
-Where moments and bond force are polynomials in η = u_j − u_i (`degree`) and the force is linear in the point state
-(`additive`), both are sums over the offsets o of a lattice of
+It applies to models whose moments and bond force are polynomials in η = u_j − u_i (`degree`) and whose force is linear
+in the point state A (`additive`). Moments and forces are then sums over the offsets o of the lattice of terms
 
-    κ(o) · a(i) · b(i + o),     a, b monomials of u, times an entry of A or 1
+    κ(o) · a(i) · b(i + o),     a, b: monomials of u, times an entry of A or 1.
 
-and Σ_o κ(o) b(i + o) is a correlation: one product in Fourier space. With χ = 1 at points and 0 elsewhere any body
-shape is exact; an axis that is not periodic is padded by the reach, so that nothing comes round. Kernels κ come from
-autodiff at η = 0; equal ones are found once, on the host; sums that need no factor a are added up before the way
-back. What does not depend on u (b = χ) is computed once.
+Σ_o κ(o) b(i + o) is a correlation, which is one product in Fourier space.
 
-Silling's model takes 12 transforms forth and 12 back in 3D, whatever the horizon.
+* The body may have any shape: χ = 1 in cells that hold a point and 0 elsewhere. An axis that is not periodic is padded
+  by the reach of the horizon, so that opposite ends do not interact.
+* The kernels κ come from automatic differentiation at η = 0. Equal kernels are found once, on the host.
+* Terms without a factor a are added up in Fourier space, before the inverse transform.
+* Terms that do not depend on u (b = χ) are computed once.
+
+In 3D Silling's correspondence model needs 12 forward and 12 inverse transforms, for every horizon.
 """
 
 import math
@@ -36,11 +39,11 @@ from .backend import Backend, lattice_refusal
 from .streaming import state_rows
 from .traversal import from_cells, to_cells
 
-Monomial = tuple[int, ...]  # components of u that are multiplied; -1 − q stands for entry q of the point state
+Monomial = tuple[int, ...]  # the components of u in a product; −1 − q stands for entry q of the point state
 
 
 class Term(NamedTuple):
-    """scale · a(i) Σ_o κ(o) b(i + o), added to entry `out`."""
+    """The term scale · a(i) Σ_o κ(o) b(i + o) of entry `out`; `here` is a and `there` is b."""
 
     out: int
     here: Monomial
@@ -50,17 +53,17 @@ class Term(NamedTuple):
 
 
 class Kernels:
-    """Rows over the offsets, kept once each but for a factor."""
+    """The distinct rows κ over the offsets. Rows that differ by a factor are stored once."""
 
     def __init__(self) -> None:
         self.rows: list[np.ndarray] = []
         self.known: dict[bytes, int] = {}
 
     def number(self, row: np.ndarray) -> tuple[int, float]:
-        """(number, scale) of a row that is not zero."""
+        """The number of a nonzero row, and its factor relative to the stored row."""
         scale = row[np.argmax(np.abs(row) > 0.5 * np.abs(row).max())]
         unit = row / scale
-        key = (np.round(unit, 10) + 0.0).tobytes()  # −0 is 0
+        key = (np.round(unit, 10) + 0.0).tobytes()  # + 0.0 turns −0 into 0
         if key not in self.known:
             self.known[key] = len(self.rows)
             self.rows.append(unit)
@@ -77,7 +80,7 @@ def _terms(
 
 
 def _powers(indices: tuple[int, ...]) -> list[tuple[Monomial, Monomial, float]]:
-    """Π (u_j − u_i)_a expanded: (a of i, b of j, sign)."""
+    """The product Π (u_j − u_i)_a, expanded into terms (monomial at i, monomial at j, sign)."""
     out: list[tuple[Monomial, Monomial, float]] = [((), (), 1.0)]
     for a in indices:
         out = [x for p, q, s in out for x in ((p, (*q, a), s), ((*p, a), q, -s))]
@@ -85,7 +88,7 @@ def _powers(indices: tuple[int, ...]) -> list[tuple[Monomial, Monomial, float]]:
 
 
 def _derivatives(function: Any, degree: int, bonds: Bonds) -> list[Array]:
-    """Derivatives of function(bond) in η at 0 of orders 0 to degree: (offsets, entries, dim, …)."""
+    """Derivatives of function(bond) with respect to η at 0, of orders 0 to degree: (offsets, entries, dim, …)."""
     out = []
     for _ in range(degree + 1):
         out.append(jax.vmap(function, (EACH_BOND,))(bonds))
@@ -97,8 +100,11 @@ def _derivatives(function: Any, degree: int, bonds: Bonds) -> list[Array]:
 
 
 class Tables(NamedTuple):
-    """What a bond of every offset does, per unit of ω V: its reference moments (offsets, entries), and the derivatives
-    in η at 0 of its moments and of its force by each entry of the point state, order by order."""
+    """The contributions of the bonds at every offset, per unit of ω V.
+
+    `reference` holds the reference moments (offsets, entries). `moments` holds the derivatives of the moments with
+    respect to η at 0, order by order. `forces` holds those of ∂t/∂A, for each entry of the point state A.
+    """
 
     reference: Any
     moments: list
@@ -116,7 +122,7 @@ def _tables(model: PointStateModel, stencil: tuple[tuple[tuple[int, ...], ...], 
     zero, unravel = ravel_pytree(jax.tree.map(lambda x: jnp.zeros(x.shape, xi.dtype), shaped))
 
     def force(bond):
-        if not zero.size:  # both ends of a bond pull with the same t
+        if not zero.size:  # without a point state, both ends of a bond pull with the same t
             return 2 * model.bond_force(unravel(zero), unravel(zero), bond)[:, None]
         return jax.jacfwd(lambda a: model.bond_force(unravel(a), unravel(a), bond))(zero)
 
@@ -131,7 +137,7 @@ _compiled_tables = compiled_with(ONCE)(_tables)
 
 
 class Plan(NamedTuple):
-    """Which correlations to take, and what to make of them; static."""
+    """The correlations to compute and the terms to form from them. It is static."""
 
     moments: tuple[Term, ...]
     forces: tuple[Term, ...]
@@ -140,13 +146,13 @@ class Plan(NamedTuple):
 
     @property
     def transforms(self) -> tuple[int, int]:
-        """Fields transformed forth and back in one evaluation."""
+        """Numbers of forward and inverse transforms in one evaluation."""
         passes = [_fields(terms) for terms in (self.moments, self.forces)]
         return sum(len(theres) for theres, _ in passes), sum(len(set(sums.values())) for _, sums in passes)
 
 
 def _fields(terms: tuple[Term, ...]) -> tuple[list[Monomial], dict[tuple[int, Monomial], tuple]]:
-    """What goes forth, and of which products every (entry, factor at home) is the sum that comes back."""
+    """The fields to transform, and for every (entry, factor at i) the products in Fourier space that sum to it."""
     sums: dict[tuple[int, Monomial], list] = {}
     for t in terms:
         if t.there:
@@ -155,7 +161,7 @@ def _fields(terms: tuple[Term, ...]) -> tuple[list[Monomial], dict[tuple[int, Mo
 
 
 def _planned(tables: Tables, entries: int) -> tuple[Plan, np.ndarray]:
-    """The terms of a model from its tables, and the rows of its kernels, per unit of ω V."""
+    """The terms of a model and the rows of its kernels, per unit of ω V, from its tables."""
     kernels = Kernels()
     first, second = [], []
     for table in (x / math.factorial(order) for order, x in enumerate(tables.moments)):
@@ -182,23 +188,24 @@ def _known(model: PointStateModel, families: Families) -> tuple[Any, PointStateM
 
 
 def refusal(model: Any, families: Families) -> str | None:
-    """Why convolutions don't apply to this model and body; None if they do."""
+    """Why this backend cannot evaluate this model and body, or None if it can."""
     if (why := lattice_refusal(model, families)) is not None:
         return why
     if not (model.degree and model.additive):
-        return f"the force of {type(model).__name__} is no polynomial of the displacement (or its order is traced)"
+        return f"the force of {type(model).__name__} is not a polynomial in the displacement (or its order is traced)"
     if jax.tree.leaves(split_model(model, len(families))[0]):
         return "a constant of the model varies from point to point"
-    if _known(model, families) is None:  # the constants that the kernels depend on
-        return "moments or bond force depend on a constant of the model that is traced"
+    if _known(model, families) is None:
+        return "the moments or the bond force depend on a constant of the model that is traced"
     return None
 
 
 class Convolution(Backend):
-    """A model's force density on one lattice body by FFT."""
+    """The force density of one model on one lattice body by FFT."""
 
     takes_mean: ClassVar[bool] = False
-    # Transforms run as fast without fusion emitters (8.0 against 7.8 ms for 24³ points), slices up to twice as long.
+    # Without the fusion emitters of XLA, transforms are as fast (8.0 against 7.8 ms for 24³ points). Slices would take
+    # up to twice as long.
     compiler_options: ClassVar[dict] = QUICK
 
     transforms: Complex[Array, "kernels *frequencies"]
@@ -211,16 +218,19 @@ class Convolution(Backend):
     cells: tuple[int, ...] = eqx.field(static=True)
     box: tuple[int, ...] = eqx.field(static=True)
 
-    def _forth(self, x: Array) -> Array:
+    def forward(self, x: Array) -> Array:
         return jnp.fft.rfftn(x, s=self.box, axes=tuple(range(1, x.ndim)))
 
-    def _back(self, x: Array) -> Array:
+    def inverse(self, x: Array) -> Array:
         """(n, frequencies) → (n, cells)."""
         out = jnp.fft.irfftn(x, s=self.box, axes=tuple(range(1, x.ndim)))
         return out[(slice(None), *(slice(0, n) for n in self.cells))]
 
     def _sum(self, terms: tuple[Term, ...], count: int, u: Array, state: Array) -> list[Array]:
-        """Every entry of Σ terms, from u (dim, cells) and the point state (entries, cells), both 0 off the body."""
+        """The sums of the terms, entry by entry.
+
+        u (dim, cells) and the point state (entries, cells) are 0 in empty cells.
+        """
 
         def value(monomial: Monomial) -> Array | None:
             factors = [u[a] if a >= 0 else state[-1 - a] for a in monomial]
@@ -228,10 +238,10 @@ class Convolution(Backend):
 
         theres, sums = _fields(terms)
         fields = [jnp.asarray(value(m)) for m in theres]
-        forth = dict(zip(theres, self._forth(jnp.stack(fields)), strict=True)) if theres else {}
+        forth = dict(zip(theres, self.forward(jnp.stack(fields)), strict=True)) if theres else {}
         specs = list(dict.fromkeys(sums.values()))
         spectra = [sum(scale * self.transforms[k] * forth[m] for k, m, scale in spec) for spec in specs]
-        back = dict(zip(specs, self._back(jnp.stack(spectra)), strict=True)) if specs else {}
+        back = dict(zip(specs, self.inverse(jnp.stack(spectra)), strict=True)) if specs else {}
         out: list[Any] = [0.0] * count
         for (entry, here), spec in sums.items():
             factor = value(here)
@@ -249,8 +259,8 @@ class Convolution(Backend):
         U = to_cells(u.astype(real), self.cells, self.sites)
         dim = u.shape[1]
         sums = self._sum(self.plan.moments, self.plan.entries, U, U[:0])
-        deformed = jnp.stack([U[0], *sums])[1:]  # U[0]: a stack of nothing has no shape
-        deformed = jnp.where(self.filled > 0, deformed, 0.0)  # what a hole has may have no derivative
+        deformed = jnp.stack([U[0], *sums])[1:]  # U[0] is there because jnp.stack refuses an empty list
+        deformed = jnp.where(self.filled > 0, deformed, 0.0)  # the sums in an empty cell may have no derivative
         reference, deformed = (x.reshape(x.shape[0], math.prod(self.cells)) for x in (self.reference, deformed))
         rows = state_rows(model, dim, real, (reference, deformed), self.horizon)
         state = jnp.stack([U[0].reshape(-1), *rows])[1:].reshape(-1, *self.cells)
@@ -259,7 +269,7 @@ class Convolution(Backend):
 
 
 def _distinct(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Rows but for multiples of each other: (the distinct rows, number and factor of every row)."""
+    """The distinct rows, of which no two are multiples of each other, and the number and factor of every row."""
     kernels = Kernels()
     found = [kernels.number(row) if row.any() else (0, 0.0) for row in rows]
     numbers, scales = np.array([n for n, _ in found], int), np.array([s for _, s in found])
@@ -267,8 +277,8 @@ def _distinct(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def _transformed(families: Families, plan: Plan, rows: np.ndarray, reference: np.ndarray) -> Convolution:
-    """The transforms, by SciPy where the families are known and by JAX where they are traced."""
-    import scipy.fft  # late: a sixth of what importing pdjax would take
+    """The prepared transforms. SciPy computes them, or JAX if the families are traced."""
+    import scipy.fft  # imported here because it would add a sixth to the time of `import pdjax`
 
     xp: Any = namespace(families)
     fft: Any = scipy.fft if xp is np else jnp.fft
@@ -283,7 +293,7 @@ def _transformed(families: Families, plan: Plan, rows: np.ndarray, reference: np
     axes, weight = tuple(range(1, dim + 1)), grid.influence * float(families.spacing or 1.0) ** dim
 
     def transforms(rows: np.ndarray) -> Any:
-        """Of kernels (kernels, offsets), mirrored: a correlation is a product."""
+        """Transforms of the mirrored kernels (kernels, offsets), which turn a correlation into a product."""
         kernels, at = xp.zeros((len(rows), *box), real), (slice(None), *np.mod(-offsets, box).T)
         if xp is np:
             kernels[at] = rows * weight
@@ -301,7 +311,7 @@ def _transformed(families: Families, plan: Plan, rows: np.ndarray, reference: np
         distinct, number, scale = _distinct(reference.T)
         summed = back(transforms(distinct) * body)
     column = (slice(None), *(None,) * dim)
-    full = (reference.T * weight).sum(axis=1)[column]  # what a full family has, where there is no point
+    full = (reference.T * weight).sum(axis=1)[column]  # the sums of a full family, for the empty cells
     sums = summed[number] * scale.astype(real)[column] if len(number) else xp.zeros((0, *grid.cells), real)
     sums = xp.where(filled > 0, sums, full).astype(real)
     spectra, at_rest, filled, sums, sites = on_device((spectra, at_rest, filled, sums, grid.sites))
@@ -309,7 +319,7 @@ def _transformed(families: Families, plan: Plan, rows: np.ndarray, reference: np
 
 
 def prepare(model: PointStateModel, families: Families) -> Convolution:
-    """The backend for these families, made on the host where they are known. Call it only without `refusal`."""
+    """The backend for these families, made on the host if they are not traced. `refusal` must have returned None."""
     known = _known(model, families)
     assert known is not None
     key, there, stencil, degree = known

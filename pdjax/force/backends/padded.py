@@ -1,7 +1,8 @@
-"""Padded neighbour arrays, for any model and any cloud: all bonds at once in small bodies, else slot by slot.
+"""The backend "families": padded neighbour arrays, for every model and every cloud of points.
 
-All bonds at once compile sooner. Slot by slot, the memory is that of the points and not of points × bonds; that needs a
-model made of moments.
+Small bodies are evaluated with all bonds at once, which compiles faster. Larger bodies are evaluated one slot of the
+neighbour arrays at a time, so that memory grows with the points and not with points × bonds. This needs a model made of
+moments. Other models are evaluated with all bonds at once at every size.
 """
 
 import math
@@ -15,11 +16,13 @@ from .backend import Backend
 from .streamed import prepare_streamed
 from .traversal import SlotTraversal
 
-SMALL = 10_000  # bonds below which all go at once: a third of the time to compile, under a millisecond to run
+# Below this number of bonds all are evaluated at once. That takes a third of the time to compile, and less than a
+# millisecond to run (measured).
+SMALL = 10_000
 
 
 class Whole(Backend):
-    """All bonds of a body at once."""
+    """The backend that evaluates all bonds of a body at once."""
 
     takes_complex: ClassVar[bool] = True
 
@@ -31,13 +34,13 @@ class Whole(Backend):
 
 
 def is_small(families: Families) -> bool:
-    """Whether all bonds of these families go at once."""
+    """Whether all bonds of these families are evaluated at once."""
     return families.xi is not None and math.prod(families.xi.shape[:2]) < SMALL
 
 
 def refusal(model: Any, families: Families) -> str | None:
-    """Why there are no padded arrays; None if there are."""
-    return "they were made with arrays=False" if families.xi is None else None
+    """Why this backend cannot be used, or None if it can: it needs families with padded arrays."""
+    return "the families were made with arrays=False" if families.xi is None else None
 
 
 def prepare(model: Any, families: Families) -> Backend:

@@ -1,30 +1,30 @@
-"""Many devices: batches of states, and bodies cut in slabs, over a `jax.sharding.Mesh`.
+"""Computations on many devices: batches of states, and bodies cut into slabs, over a `jax.sharding.Mesh`.
 
-**Batches.** States do not know of each other: every device takes an equal share (`sharded_vmap`, and the maps by
-`stability_map(..., mesh=mesh)`).
+**Batches.** The states of a batch are independent, so every device computes an equal share of them (`sharded_vmap`, and
+maps by `stability_map(..., mesh=mesh)`).
 
-**Slabs.** A full lattice of n planes along its first axis is cut into D slabs of P = n / D planes; device s holds
-planes s P … (s + 1) P − 1 of everything that the points carry. A bond reaches R = ⌊N⌋ planes and the force on a point
-`rings` bonds far (1: springs; 2: the state A of a neighbour is a sum over the neighbour's own family), so
+**Slabs.** A full lattice of n planes along its first axis is cut into D slabs of P = n / D planes. Device s holds the
+planes s P … (s + 1) P − 1 of all fields. A bond reaches R = ⌊N⌋ planes. The force on a point depends on points up to
+`rings` bonds away: 1 for springs, and 2 where the state A of a neighbour is a sum over the neighbour's family. Hence
 
     f_p = f(u_q : |q − p| ≤ H),    H = rings · R
 
-and one exchange of H planes with each neighbour is all there is to tell:
+and each slab needs only one exchange of H planes, its halo, with each neighbouring slab:
 
     ũ_s = [ last H planes of u_{s−1} | u_s | first H planes of u_{s+1} ],    f_s = planes H … H + P − 1 of f(ũ_s)
 
-by `jax.lax.ppermute` under `jax.shard_map`. The slab with its halo is a small lattice body, evaluated by slices
-(`pdjax.force.backends`), with a mask of what is filled: planes beyond the ends of the body are not, so one program serves the
-first, the middle and the last slab. A periodic first axis joins the last slab to the first. Planes of the halo are
-computed on both sides: the work grows by 1 + 2 H / P. What the family sums of the reference configuration are is known
-once, by the slab that owns the point, and exchanged in the same way.
+`jax.lax.ppermute` under `jax.shard_map` carries out the exchange. The slab with its halo is a small lattice body, which
+the backend "slices" evaluates. A mask marks the planes beyond the ends of the body as empty, so one program serves the
+first, the middle and the last slab. A periodic first axis joins the last slab to the first. Both neighbours compute the
+planes of a halo, so the work grows by the factor 1 + 2 H / P. Each slab computes the reference sums of its own points
+once, and exchanges them in the same way.
 
     mesh = jax.sharding.Mesh(jax.devices(), ("slabs",))
     families = pd.families(pd.lattice((64, 32, 32), 1.0), 3.015, arrays=False)
     f = pd.slab_force(model, families, mesh)
 
     @jax.jit
-    def verlet(u, v, dt, steps=100):                       # everything stays where it is
+    def verlet(u, v, dt, steps=100):                       # all fields stay on their devices
         def step(state, _):
             u, v, a = state
             v = v + dt / 2 * a
@@ -33,17 +33,19 @@ once, by the slab that owns the point, and exchanged in the same way.
             return (u, v + dt / 2 * a, a), None
         return jax.lax.scan(step, (u, v, f(u) / density), length=steps)[0]
 
-    K = lambda u, v: -jax.jvp(f, (u,), (v,))[1]            # a stiffness that is never stored
+    K = lambda u, v: -jax.jvp(f, (u,), (v,))[1]            # K v without storing the stiffness matrix
     step, _ = jax.scipy.sparse.linalg.cg(lambda v: K(u, v), f(u) + b)
 
-**Several processes**, each with devices of its own, run the same script, which starts with (before any array or model)
+**Several processes**, each with its own devices, run the same script. Before it makes any array or model, the script
+starts with
 
     jax.config.update("jax_cpu_collectives_implementation", "gloo")      # for CPUs only
     jax.distributed.initialize("host0:1234", num_processes=2, process_id=rank)
     mesh = jax.sharding.Mesh(jax.devices(), ("slabs",))                  # of all processes
     u = jax.device_put(u, jax.sharding.NamedSharding(mesh, jax.P("slabs")))
 
-and go on as above; `jax.experimental.multihost_utils.process_allgather(f(u), tiled=True)` brings a result to all.
+and continues as above. `jax.experimental.multihost_utils.process_allgather(f(u), tiled=True)` gives the whole result to
+every process.
 """
 
 from collections.abc import Callable
@@ -68,10 +70,10 @@ from .traversal import LatticeTraversal
 
 
 def device_mesh(mesh: Mesh) -> tuple[Mesh, str, int]:
-    """The mesh, its first axis' name and how many devices lie along it.
+    """The mesh with automatic axes, the name of its first axis, and the number of devices along it.
 
-    Axes are made automatic: those of `jax.make_mesh` are explicit, and every derivative outside of `jit` would then
-    need the mesh as a context.
+    The axes of `jax.make_mesh` are explicit, and then every derivative outside of `jax.jit` needs the mesh as a
+    context. Automatic axes do not.
     """
     if not isinstance(mesh, Mesh) or not mesh.axis_names:
         raise ValueError(
@@ -84,18 +86,40 @@ def device_mesh(mesh: Mesh) -> tuple[Mesh, str, int]:
 
 @public_function
 def sharded_vmap(function: Callable, mesh: Mesh) -> Callable:
-    """`jax.vmap(function)` whose batch is cut over the first axis of a mesh; no device hears of another's states.
+    """Make `jax.vmap(function)` with its batch divided over the devices of a mesh.
 
-    Arguments: function (one state: arrays or trees of them) → a tree of arrays.
-    Returns: a function of batches (states, …), any number of states (the last is repeated to fill the devices, and
-        dropped); its results (states, …) are whole on every device.
-    Raises: ValueError for what is no mesh, or batches of different lengths.
-    Example: `pd.sharded_vmap(lambda m: pd.critical_load(pd.SethHill(m, law), family), mesh)(orders)`.
+    The states of the batch are independent, so the devices do not communicate until the results are collected.
+
+    Parameters
+    ----------
+    function : callable
+        Function of one state. Its arguments and its result are arrays or trees of arrays.
+    mesh : jax.sharding.Mesh
+        Devices. The batch is divided over the first axis of the mesh.
+
+    Returns
+    -------
+    callable
+        Function of batches (states, ...), for any number of states ≥ 1. The last state is repeated until all devices
+        have equal shares, and the copies are dropped. Every device gets the whole result (states, ...).
+
+    Raises
+    ------
+    ValueError
+        If `mesh` is not a mesh with an axis. The returned function raises it if the batches have different lengths or
+        are empty.
+
+    Examples
+    --------
+    >>> mesh = jax.sharding.Mesh(jax.devices(), ("batch",))
+    >>> squares = pd.sharded_vmap(lambda x: x**2, mesh)(np.arange(5.0))
+    >>> np.asarray(squares).tolist()
+    [0.0, 1.0, 4.0, 9.0, 16.0]
     """
     mesh, name, devices = device_mesh(mesh)
     cut, whole = (NamedSharding(mesh, PartitionSpec(*axes)) for axes in ((name,), ()))
 
-    constrain = jax.lax.with_sharding_constraint  # in a traced function `jax.device_put` moves nothing
+    constrain = jax.lax.with_sharding_constraint  # `jax.device_put` moves nothing inside a traced function
 
     @jax.jit
     def mapped(*batches):
@@ -111,7 +135,7 @@ def sharded_vmap(function: Callable, mesh: Mesh) -> Callable:
 
 
 def _slab(families: Families, cells: tuple[int, ...]) -> LatticeTraversal:
-    """The traversal over a slab with its halo: a lattice of `cells`, all filled, not periodic along the first axis."""
+    """The traversal over a slab with its halo: a full lattice of `cells` that is not periodic along its first axis."""
     grid: Any = families.grid
     grid = replace(grid, cells=cells, periodic=(False, *grid.periodic[1:]), kinds=None)
     points = int(np.prod(cells))
@@ -122,19 +146,53 @@ def _slab(families: Families, cells: tuple[int, ...]) -> LatticeTraversal:
 
 
 class SlabForce(eqx.Module):
-    """f(u) of a lattice body in slabs over a mesh; made by `slab_force`."""
+    """Force density of a lattice body that is cut into slabs over the devices of a mesh.
 
-    varying: Any  # constants of the model that vary from point to point, slab by slab with their halos
+    `slab_force` makes it. It is a function of the displacement that also works under `jax.jit`, `jax.grad`, `jax.jvp`
+    and `jax.lax.scan`.
+
+    Attributes
+    ----------
+    varying : tree of arrays
+        Constants of the model that vary from point to point, slab by slab, each with its halo.
+    shared : AbstractModel
+        The model with all other constants.
+    reference : array, shape (entries, flat), or None
+        Sums over the reference configuration, slab by slab. None before they are computed.
+    traversal : LatticeTraversal
+        Traversal over one slab with its halo.
+    horizon : array, shape ()
+        Horizon δ [length].
+    mesh : jax.sharding.Mesh
+        The devices.
+    planes : int
+        Number of planes of a slab.
+    halo : int
+        Number of planes H that a slab exchanges with each neighbour.
+    wraps : bool
+        True if the body is periodic along its first axis.
+
+    Examples
+    --------
+    >>> mesh = jax.sharding.Mesh(jax.devices()[:1], ("slabs",))
+    >>> families = pd.families(pd.lattice((5, 4)), horizon=2.1, arrays=False)
+    >>> f = pd.slab_force(pd.BondBased(1.0), families, mesh)
+    >>> f.devices, f.planes, f.halo
+    (1, 5, 2)
+    """
+
+    varying: Any
     shared: AbstractModel
-    reference: Float[Array, "entries flat"] | None  # slab after slab; None: not known yet
-    traversal: LatticeTraversal  # of one slab with its halo
+    reference: Float[Array, "entries flat"] | None
+    traversal: LatticeTraversal
     horizon: Float[Array, ""]
     mesh: Mesh = eqx.field(static=True)
-    planes: int = eqx.field(static=True)  # of a slab
-    halo: int = eqx.field(static=True)  # planes on either side
+    planes: int = eqx.field(static=True)
+    halo: int = eqx.field(static=True)
     wraps: bool = eqx.field(static=True)
 
-    def __hash__(self) -> int:  # equal to itself alone, so that `jax.jit(operator)` works
+    # Two operators are equal only if they are the same object, as `jax.jit(operator)` needs it.
+    def __hash__(self) -> int:
         return id(self)
 
     def __eq__(self, other: object) -> bool:
@@ -142,22 +200,36 @@ class SlabForce(eqx.Module):
 
     @property
     def name(self) -> str:
-        """Of the mesh's axis."""
+        """Name of the mesh axis over which the body is cut."""
         return self.mesh.axis_names[0]
 
     @property
     def devices(self) -> int:
+        """Number of devices, which is also the number of slabs."""
         return self.mesh.shape[self.name]
 
     @property
     def sharding(self) -> NamedSharding:
-        """How fields over the points (points, …) lie over the devices."""
+        """The sharding of fields over the points (points, ...) on the devices."""
         return NamedSharding(self.mesh, PartitionSpec(self.name))
 
     def __call__(self, u) -> Float[Array, "points dim"]:
-        """f (points, dim) [force/length^dim] of u (points, dim) [length], sharded as `sharding` says, or not.
+        """Compute the force density of the displacement u.
 
-        Raises: ValueError for a wrong shape or NaN.
+        Parameters
+        ----------
+        u : array, shape (points, dim)
+            Displacements [length]. An array that does not have the sharding `sharding` is moved to it.
+
+        Returns
+        -------
+        array, shape (points, dim)
+            f [force/length^dim], with the sharding `sharding`.
+
+        Raises
+        ------
+        ValueError
+            If u has a wrong shape or is not finite.
         """
         u = as_real(u)
         wanted = (self.devices * self.planes * int(np.prod(self.traversal.cells[1:])), self.traversal.xi.shape[1])
@@ -168,10 +240,13 @@ class SlabForce(eqx.Module):
             require(u, jnp.isfinite(u).all(), "u must be finite; it has NaN or infinite entries")
         return _force(self, u)
 
-    # What follows runs on one device, under shard_map.
+    # The methods below run on one device, under shard_map.
 
     def with_halo(self, x: Array) -> Array:
-        """(points of the slab, …) → the same with H planes more on either side; edge values beyond the body's ends."""
+        """A field (points of the slab, …) with its halo of H planes on both sides.
+
+        Beyond the ends of the body the halo repeats the values of the outermost plane.
+        """
         name, devices = self.name, self.devices
         own = x.reshape(self.planes, -1, *x.shape[1:])
         here, h = jax.lax.axis_index(name), self.halo
@@ -184,12 +259,12 @@ class SlabForce(eqx.Module):
         return jnp.concatenate([left, own, right]).reshape(-1, *x.shape[1:])
 
     def inner(self, x: Array) -> Array:
-        """(points of the slab with its halo, …) → (points of the slab, …)."""
+        """A field (points of the slab with its halo, …) without its halo."""
         plane = x.shape[0] // (self.planes + 2 * self.halo)
         return x[self.halo * plane : (self.halo + self.planes) * plane]
 
     def masked(self) -> LatticeTraversal:
-        """The traversal of this device's slab: not filled beyond the ends of the body."""
+        """The traversal of this device's slab, with empty cells beyond the ends of the body."""
         if self.wraps:
             return self.traversal
         plane = jnp.arange(-self.halo, self.planes + self.halo) + jax.lax.axis_index(self.name) * self.planes
@@ -199,8 +274,11 @@ class SlabForce(eqx.Module):
 
 
 def _on_slabs(function: Callable, operator: SlabForce, data: tuple, specs: tuple, out_specs: Any) -> Any:
-    """function(operator, *data) on every device: `specs` say how data lie; of the operator, states and constants of
-    the points lie slab after slab and everything else is everywhere."""
+    """function(operator, *data) on every device.
+
+    `specs` are the partition specs of the data. The states and constants of the points in the operator are divided over
+    the slabs. Every device has a copy of everything else in the operator.
+    """
     arrays, rest = eqx.partition(operator, eqx.is_array)
     own = PartitionSpec(operator.name)
     along = jax.tree.map(lambda _: PartitionSpec(), arrays)
@@ -227,14 +305,14 @@ def _force(operator: SlabForce, u: Array) -> Float[Array, "points dim"]:
 
 @eqx.filter_jit
 def _prepared(operator: SlabForce, varying: Any) -> SlabForce:
-    """The operator with what does not depend on u: constants with their halos, sums of the reference configuration."""
+    """The operator with everything that does not depend on u: constants with their halos, and reference sums."""
 
     def one(o: SlabForce, varying: Any) -> tuple[Any, Array]:
         varying, traversal = jax.tree.map(o.with_halo, varying), o.masked()
         sums = reference_sums((varying, o.shared), traversal, traversal.xi.shape[1], o.horizon)
         if not sums.shape[0]:
             return varying, sums
-        # right inside the slab, where all neighbours are seen; the halo hears it from those who own it
+        # The sums are correct inside the slab, where all neighbours are present. The halo gets those of its owners.
         right = traversal.embed(o.with_halo(o.inner(traversal.collect(sums))))
         return varying, jnp.where(traversal.filled > 0, right, sums)
 
@@ -246,41 +324,75 @@ def _prepared(operator: SlabForce, varying: Any) -> SlabForce:
 def _refuse(model: AbstractModel, families: Families) -> None:
     if not model.by_moments:
         raise ValueError(
-            f"slabs need a model made of sums over single bonds (`moments`); {type(model).__name__} is none:"
-            " evaluate it on one device, by pd.force_operator"
+            f"slab_force needs a model made of sums over single bonds (`moments`); {type(model).__name__} has none."
+            " Evaluate it on one device with pd.force_operator"
         )
     if families.grid is None or families.grid.sites is not None:
-        what = "families of a cloud or with weights of their own" if families.grid is None else "a masked lattice"
-        raise ValueError(f"slabs are cut from a full lattice (pd.lattice without a mask); got {what}")
+        what = "families of a cloud or with bond weights" if families.grid is None else "a masked lattice"
+        raise ValueError(
+            f"slab_force needs a full lattice (pd.lattice without a mask); got {what}. Evaluate it on one device with"
+            " pd.force_operator"
+        )
 
 
 def _slab_planes(planes: int, halo: int, devices: int) -> int:
-    """Planes of one slab; refuses a mesh that can't cut the body."""
+    """Number of planes of one slab. Raises ValueError if the devices cannot divide the body."""
     able = [d for d in range(1, planes + 1) if planes % d == 0 and planes // d >= halo]
-    would = f"numbers of devices that would do: {', '.join(map(str, able)) or 'none (one device: pd.force_operator)'}"
+    would = f"numbers of devices that work: {', '.join(map(str, able)) or 'none (on one device use pd.force_operator)'}"
     if planes % devices:
         raise ValueError(
-            f"the first axis of the body has {planes} planes, which {devices} devices can't share equally; {would}"
+            f"the first axis of the body has {planes} planes, which {devices} devices cannot share equally; {would}"
         )
     if planes // devices < halo:
         raise ValueError(
             f"slabs of {planes // devices} planes ({planes} over {devices} devices) are thinner than the {halo} planes"
-            f" that their neighbours must hear of (rings of the model × reach of the horizon); {would}"
+            f" that neighbouring slabs exchange (rings of the model × reach of the horizon); {would}"
         )
     return planes // devices
 
 
 @public_function
 def slab_force(model: AbstractModel, families: Families, mesh: Mesh) -> SlabForce:
-    """The force density of a lattice body cut in slabs along its first axis, over the first axis of a mesh.
+    """Prepare the force density of a lattice body that is cut into slabs over the devices of a mesh.
 
-    f_s = inner planes of f([H planes of u_{s−1} | u_s | H planes of u_{s+1}]),  H = rings · ⌊N⌋  (see the module).
+    f_s = inner planes of f([H planes of u_{s−1} | u_s | H planes of u_{s+1}]),    H = rings · ⌊N⌋
 
-    Arguments: model made of moments; families of a full `pd.lattice` (arrays=False is enough), its first axis the longest.
-    Returns: `SlabForce`: a function of u (points, dim) [length] → f (points, dim) [force/length^dim], equal to
-        `force_density` to rounding, under jit, grad, jvp, scan; `.sharding` says how its fields lie on the devices.
-    Raises: ValueError for a model without moments, a body that is not a full lattice, a mesh that does not divide the
-        first axis (with the numbers of devices that would) or makes slabs thinner than the halo.
+    The body is cut along its first axis. Device s computes slab s, and neighbouring slabs exchange H planes of u.
+
+    Parameters
+    ----------
+    model : AbstractModel
+        A model made of moments, such as `SethHill`, `Correspondence`, `BondBased` or `LPS`.
+    families : Families
+        Families of a full `lattice`; those made with `arrays=False` suffice. The first axis should be the longest.
+    mesh : jax.sharding.Mesh
+        Devices. The first axis of the mesh counts.
+
+    Returns
+    -------
+    SlabForce
+        Function of u (points, dim) [length] that gives f (points, dim) [force/length^dim], equal to `force_density` to
+        rounding. It works under `jax.jit`, `jax.grad`, `jax.jvp` and `jax.lax.scan`. Its attribute `sharding` is the
+        sharding of its fields.
+
+    Raises
+    ------
+    ValueError
+        If the model has no moments, the body is not a full lattice, the number of devices does not divide the number of
+        planes, or the slabs are thinner than H planes. The last two messages list the numbers of devices that work.
+
+    Notes
+    -----
+    The module `pdjax.force.backends.slabs` shows dynamics, statics and several processes with slabs.
+
+    Examples
+    --------
+    >>> mesh = jax.sharding.Mesh(jax.devices()[:1], ("slabs",))
+    >>> families, model = pd.families(pd.lattice((5, 4)), horizon=2.1), pd.BondBased(1.0)
+    >>> u = 0.01 * np.arange(40.0).reshape(20, 2)
+    >>> f = pd.slab_force(model, families, mesh)
+    >>> bool(np.allclose(f(u), pd.force_density(model, families, u)))
+    True
     """
     check_model(model, families, Families)
     _refuse(model, families)

@@ -1,4 +1,7 @@
-"""A lattice without index arrays: the neighbours of all points at one offset are one slice of an array."""
+"""The backend "slices": on a lattice the neighbours of all points at one offset are one slice of an array.
+
+It needs no index arrays.
+"""
 
 from typing import Any
 
@@ -9,7 +12,7 @@ from .traversal import LatticeTraversal
 
 
 def refusal(model: Any, families: Families) -> str | None:
-    """Why slices don't apply to this model and body; None if they do."""
+    """Why this backend cannot evaluate this model and body, or None if it can."""
     return lattice_refusal(model, families)
 
 

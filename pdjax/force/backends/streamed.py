@@ -1,7 +1,8 @@
-"""The backend of models made of moments whose bonds are streamed over a traversal (`streaming`), and its preparation.
+"""The backend that streams over the bonds of a model made of moments, and its preparation.
 
-The sums over the reference configuration depend on few constants of a model. They are computed once for those, and
-remembered with the families.
+A traversal (`traversal`) yields the bonds one slot at a time, and `streaming` computes the forces from them. The sums
+over the reference configuration depend on few constants of the model. They are computed once for each set of these
+constants, and the families object keeps them.
 """
 
 from typing import Any
@@ -21,7 +22,7 @@ from .traversal import Traversal
 
 
 class Streamed(Backend):
-    """A traversal over the bonds of a body, and the sums over its reference configuration."""
+    """The traversal over the bonds of a body, together with the sums over its reference configuration."""
 
     traversal: Traversal
     reference: Array  # (entries, flat)
@@ -40,7 +41,7 @@ def _reference(model: Any, traversal: Traversal, horizon: Array, points: int, di
 
 
 def prepare_streamed(model: Any, families: Families, kind: Any) -> Streamed:
-    """The streamed backend over a traversal of a kind, `SlotTraversal` or `LatticeTraversal`."""
+    """The streamed backend. `kind` is the class of its traversal, `SlotTraversal` or `LatticeTraversal`."""
     points, name = len(families), kind.__name__
     known = is_concrete(families)
     traversal = remember(families, ("traversal", name), lambda: kind.of(families)) if known else kind.of(families)

@@ -1,11 +1,15 @@
 # mypy: disable-error-code="arg-type, union-attr"
-"""The force density of a model by moments, streamed over a traversal: memory of a few numbers a point, never points × bonds.
+"""The force density of a model made of moments, computed by streaming over the bonds.
 
-    first pass    Σ_b moments(bond b) → A            at every point
-    second pass   f = Σ_b V_j [t(A_i, A_j, bond) − t(A_j, A_i, −bond)] = Σ_b V_j t(A_i + A_j, bond)
+Memory is a few numbers for each point and never grows with points × bonds. There are two passes over the bonds b of
+every point i, each with a neighbour j:
 
-the last for models that promise `additive` on bodies whose bonds weigh the same from both ends. What depends on the
-reference configuration alone is summed once, by `reference_sums`.
+    first pass    A_i = state(Σ_b moments(bond b))
+    second pass   f_i = Σ_b V_j [t(A_i, A_j, bond) − t(A_j, A_i, −bond)]
+
+The second pass simplifies to f_i = Σ_b V_j t(A_i + A_j, bond) if the model promises `additive` (`models.base`) and
+every bond has the same weight seen from both ends. `reference_sums` computes once what depends on the reference
+configuration alone.
 """
 
 from collections.abc import Callable
@@ -31,7 +35,10 @@ def _flat(x: Array) -> Array:
 
 
 class _Varying:
-    """The constants of a model that vary from point to point, laid out by a traversal: `split` as by `split_model`."""
+    """The constants of a model that vary from point to point, in the layout of a traversal.
+
+    `split` is the result of `split_model`.
+    """
 
     def __init__(self, split: tuple[Any, Any], traversal: Traversal):
         varying, self.shared = split
@@ -42,7 +49,7 @@ class _Varying:
 
     @staticmethod
     def _laid(traversal: Traversal, x: Array) -> Array:
-        """(components, flat); where there is no point, the first point's: nothing is divided by 0."""
+        """A constant as (components, flat). Empty cells get that of the first point, so that no law divides by 0."""
         x = _flat(x.astype(traversal.volumes.dtype))
         return (
             traversal.embed(x)
@@ -54,7 +61,7 @@ class _Varying:
         return bool(self.rows)
 
     def components(self, read: Callable) -> list[np.ndarray]:
-        """`read` at the points or at their neighbours."""
+        """The constants by components. `read` reads a row at the points or at their neighbours."""
         return [_trees(None, [s], [read(row) for row in x]) for x, s in zip(self.rows, self.shapes, strict=True)]
 
     def single(self) -> PointStateModel:
@@ -66,7 +73,7 @@ class _Varying:
 
 
 def _rows(traversal: Traversal, x: Array) -> list[Array]:
-    """(components, flat) → opened rows, taken apart once: a row cut out inside a loop is a copy at every step."""
+    """(components, flat) → opened rows. They are separated before the loop: inside it, every step would copy a row."""
     return [traversal.open(x[k]) for k in range(x.shape[0])]
 
 
@@ -85,7 +92,7 @@ def _bond(
     for k in range(dim):
         xi[k] = slot.xi[k]
     far = traversal.far(volumes, slot)
-    # where there is no point u is 0, and a bond to it may collapse: 0 · ∞ is no force
+    # In an empty cell u is 0, so a bond to it may have length 0, and its force 0 · ∞ would be NaN.
     real = None if traversal.filled is None else (far > 0) & (traversal.filled > 0)
     for k in range(dim):
         eta[k] = traversal.far(u[k], slot) - here[k]
@@ -103,10 +110,10 @@ def _one(x: Any) -> np.ndarray:
 
 
 def _over_slots(traversal: Traversal, body: Callable, start: list[Array], pairs: float) -> list[Array]:
-    """Σ over the slots of what `body(slot)` gives: lists of (flat,) arrays.
+    """Sum body(slot), a list of (flat,) arrays, over all slots.
 
-    `pairs` ±1: a bond gives its far end `pairs` times what it gives its near end, so one slot of each opposite two is
-    enough; 0: nothing is known of it.
+    If `pairs` is ±1, the contribution of a bond to its far end is `pairs` times that to its near end, so one slot of
+    every opposite two is enough. If `pairs` is 0, all slots are evaluated.
     """
 
     @partial(jax.checkpoint, prevent_cse=False)
@@ -127,7 +134,7 @@ def _over_slots(traversal: Traversal, body: Callable, start: list[Array], pairs:
 
 
 def _sizes(model: PointStateModel, which: int, dim: int, dtype: Any) -> tuple[Any, list[tuple[int, ...]]]:
-    """Structure and shapes of one tree of moments."""
+    """Structure and shapes of the reference moments (`which` = 0) or the deformed moments (1)."""
     one = Bonds(*(jax.ShapeDtypeStruct(s, dtype) for s in ((dim,), (dim,), (), (), ())))
     tree = jax.eval_shape(model.moments, one)[which]
     leaves, structure = jax.tree.flatten(tree)
@@ -139,7 +146,7 @@ def _entries(tree: Any) -> list:
 
 
 def _trees(structure: Any, shapes: list[tuple[int, ...]], rows: Any) -> Any:
-    """Rows (one an entry) → the tree of components that they are."""
+    """Rows, one for each entry → a tree of components."""
     leaves, at = [], 0
     for shape in shapes:
         size = int(np.prod(shape))
@@ -152,7 +159,7 @@ def _trees(structure: Any, shapes: list[tuple[int, ...]], rows: Any) -> Any:
 
 
 def _in_pairs(traversal: Traversal, varying: _Varying) -> bool:
-    """Whether what a bond gives its two ends is the same but for the sign: on a lattice of one material."""
+    """Whether the contributions of a bond to its two ends differ at most in sign: a lattice of one material."""
     model = varying.single()
     return (
         model.even and model.additive and not model.degree and isinstance(traversal, LatticeTraversal) and not varying
@@ -160,7 +167,7 @@ def _in_pairs(traversal: Traversal, varying: _Varying) -> bool:
 
 
 def _sum_moments(varying: _Varying, traversal: Traversal, which: int, u: Array, gradient, horizon) -> Array:
-    """One tree of moments summed over every family: (entries, flat)."""
+    """The reference moments (`which` = 0) or the deformed moments (1), summed over every family: (entries, flat)."""
     dim, dtype = u.shape[0], u.dtype
     _, shapes = _sizes(varying.single(), which, dim, dtype)
     count = sum(int(np.prod(s)) for s in shapes)
@@ -175,7 +182,7 @@ def _sum_moments(varying: _Varying, traversal: Traversal, which: int, u: Array, 
 
     def body(slot):
         bond = _bond(traversal, opened, here, gradient, slot, volumes, horizon)
-        if pairs:  # also nothing from where there is no point
+        if pairs:  # an empty cell must contribute nothing to its neighbours
             bond = bond._replace(volume=_one(bond.volume[()] * traversal.filled))
         return _entries(
             by_components(moments, dtype, traversal.one, traversal.dear(*bond.eta, bond.volume[()]))(own, bond)
@@ -187,7 +194,7 @@ def _sum_moments(varying: _Varying, traversal: Traversal, which: int, u: Array, 
 
 
 def reference_moments(model: PointStateModel, points: int, dim: int) -> Any:
-    """What one bond adds to `reference_sums`, for the constants that it depends on to be found."""
+    """The contribution of one bond to `reference_sums`. Tracing it shows on which constants it depends."""
     varying, shared = split_model(model, points)
     first = eqx.combine(jax.tree.map(lambda x: x[0], varying), shared)
     return first.moments(Bonds(jnp.ones(dim), jnp.zeros(dim), *map(jnp.ones, ((), (), ()))))[0]
@@ -196,10 +203,12 @@ def reference_moments(model: PointStateModel, points: int, dim: int) -> Any:
 def reference_sums(
     split: tuple[Any, Any], traversal: Traversal, dim: int, horizon: Array
 ) -> Float[Array, "entries flat"]:
-    """Σ of the first tree of `moments`; where there is no point, what a full family has, and for an empty family
-    what bonds at rest have (`models.pointwise`): nothing is singular.
+    """The reference moments summed over every family.
 
-    `split`: (leaves of the model that vary from point to point, the rest), as by `split_model`.
+    Empty cells get the sums of a full family, and points without bonds get those of the bonds at rest that
+    `models.pointwise` defines. No model then divides by 0 or inverts a singular tensor.
+
+    `split` is the result of `split_model`: (leaves of the model that vary from point to point, the rest).
     """
     dtype = traversal.volumes.dtype
     u = jnp.zeros((dim, traversal.volumes.shape[0]), dtype)
@@ -225,9 +234,10 @@ def reference_sums(
 
 
 def _states(single: PointStateModel, of: Callable, own: list, dim: int, dtype: Any, sums: tuple, horizon: Array):
-    """The point states from both sums (entries, flat): structure, shapes, and rows (flat,), one an entry.
+    """The point states from both sums (entries, flat): structure, shapes, and one row (flat,) for each entry.
 
-    `single`: a model of one point, for shapes; `of`(constants) → model, `own`: these constants by components.
+    `single` is a model of one point, which gives the shapes. `of` makes a model from constants, and `own` holds these
+    constants by components.
     """
     trees = [_sizes(single, k, dim, dtype) for k in (0, 1)]
 
@@ -242,7 +252,7 @@ def _states(single: PointStateModel, of: Callable, own: list, dim: int, dtype: A
 
 
 def state_rows(model: PointStateModel, dim: int, dtype: Any, sums: tuple[Array, Array], horizon: Array) -> list:
-    """The point states of a model of one material from both sums (entries, points), entry by entry."""
+    """The point states of a body of one material from both sums (entries, points), one row for each entry."""
     return _states(model, lambda leaves: model, [], dim, dtype, sums, horizon)[2]
 
 
@@ -254,8 +264,10 @@ def streamed_force(
     gradient: Any,
     horizon: Array,
 ) -> Float[Array, "points dim"]:
-    """f of every point, in two passes; `split` as for `reference_sums`; `gradient` is F − I of a mean deformation, or
-    None."""
+    """f of every point, in two passes over the bonds.
+
+    `split` is the result of `split_model`. `gradient` is F − I of a mean deformation, or None.
+    """
     dim, dtype = u.shape[1], traversal.volumes.dtype
     varying = _Varying(split, traversal)
     model = varying.single()

@@ -1,13 +1,21 @@
-"""Two traversals over the bonds of a body: point by point in flat arrays, slot by slot.
+"""Traversals: the two orders in which a backend visits the bonds of a body, one slot at a time.
 
-A quantity of the points is an array (components, flat); a traversal knows how to lay it out (`embed`), to read it at the
-points (`here`) and at their neighbours of one slot (`far`), and to take it back (`collect`). A slot is one offset of a
-lattice (`LatticeTraversal`) or one column of padded neighbour arrays (`SlotTraversal`). (Blocks of points as long as the caches like
-were tried: XLA made them four times slower than whole arrays, and they are not here.)
+A slot holds one bond of every point: one offset of a lattice (`LatticeTraversal`), or one column of the padded
+neighbour arrays (`SlotTraversal`). A quantity of the points is an array (components, flat). A traversal has four
+methods for it:
 
-**LatticeTraversal**: cells in row-major order, with a gap of ⌊N⌋ empty cells at the end of every axis but the first, so that a
-neighbour is always the same number of places ahead or behind, and never in the next row by mistake: no index arrays. A
-periodic axis has ⌊N⌋ cells of the other end on both sides instead. What is not a point has volume 0.
+    embed      converts (points, components) to this layout
+    here       reads it at the points
+    far        reads it at the neighbours in one slot
+    collect    converts it back to (points, components)
+
+A `LatticeTraversal` stores the cells in row-major order. Every axis except the first ends with a gap of ⌊N⌋ empty
+cells. A neighbour at a given offset is then always the same number of places away, and never in the next row by
+mistake, so no index arrays are needed. A periodic axis has ⌊N⌋ copied cells of the other end on both sides instead of a
+gap. Cells that hold no point have volume 0.
+
+Both traversals work on whole arrays. Blocks of points that fit the CPU caches were tried, and XLA evaluated them four
+times slower.
 """
 
 import math
@@ -22,11 +30,13 @@ from jaxtyping import Array, Float, Int
 from ..._internal.checks import namespace, on_device, on_host
 from ...geometry.bonds import Families, Grid
 
-UNROLLED = (9, 8, 7, 6, 10)  # slots in one step of the loop, where bonds cost so little that sums are what is paid for
+# Allowed numbers of slots in one step of the loop. Several slots a step are faster on a large lattice, where adding to
+# the sums takes most of the time.
+UNROLLED = (9, 8, 7, 6, 10)
 
 
 def to_cells(x: Any, cells: tuple[int, ...], sites: Any) -> Any:
-    """(points, components) → (components, *cells); 0 where there is no point. Of NumPy arrays a NumPy array."""
+    """(points, components) → (components, *cells), with 0 in empty cells. A NumPy array gives a NumPy array."""
     x = x.T
     if sites is not None and isinstance(x, np.ndarray):
         points, x = x, np.zeros((x.shape[0], math.prod(cells)), x.dtype)
@@ -43,33 +53,36 @@ def from_cells(x: Array, sites: Array | None) -> Array:
 
 
 class Slot(NamedTuple):
-    """One slot: where the neighbours are, and what the bonds are, a value a point or one shared by all."""
+    """One slot: the places of the neighbours and the data of the bonds, one value a point or one shared by all."""
 
     at: Any
-    xi: list[Array]  # a component each
+    xi: list[Array]  # one array for each component
     omega: Array
-    back: Array | None  # ω of the reverse bond; None: the same
+    back: Array | None  # ω of the reverse bonds, or None if they equal `omega`
 
 
 def _steps(slots: int, unrolled: bool) -> np.ndarray:
-    """0 … slots − 1 in steps of equal length, −1 where nothing is left; one slot a step unless `unrolled`."""
+    """The numbers 0 … slots − 1 in rows of equal length, filled up with −1. Unless `unrolled`, a row is one slot."""
     group = min(UNROLLED, key=lambda g: (-(-slots // g) * g, -g)) if unrolled and slots > 10 else 1
     return np.append(np.arange(slots), np.full(-slots % group, -1)).reshape(-1, group).astype(np.int32)
 
 
 class SlotTraversal(eqx.Module):
-    """Any cloud, by its padded neighbour arrays, turned round to (slots, points)."""
+    """Any cloud, by its padded neighbour arrays, transposed to (slots, points)."""
 
     neighbours: Int[Array, "slots flat"]
     xi: Float[Array, "dim slots flat"]
     omega: Float[Array, "slots flat"]
     back: Float[Array, "slots flat"] | None
     volumes: Float[Array, " flat"]
-    one: Float[Array, ""]  # 1, not known to the compiler
+    one: Float[Array, ""]  # 1, an input whose value the compiler does not see (see `components`)
 
     @staticmethod
     def of(families: Families) -> "SlotTraversal":
-        """By NumPy where the families are known; `back` is None if it is known that ω_ij = ω_ji of every bond."""
+        """The traversal of a body, made by NumPy if the families are not traced.
+
+        `back` is None if ω_ij = ω_ji is known for every bond.
+        """
         xp, families = namespace(families), on_host(families)
         omega = families.influence * families.weight
         back = omega[families.neighbours, families.reverse]
@@ -92,16 +105,16 @@ class SlotTraversal(eqx.Module):
 
     @staticmethod
     def dear(*read: Array) -> list:
-        """What is costly to read again: anything gathered."""
+        """The arrays that are expensive to read again: everything gathered by index."""
         return list(read)
 
     @staticmethod
     def far(x: Array, slot: Slot) -> Array:
-        """x at the far ends of one slot."""
+        """x at the far ends of the bonds of one slot."""
         return x.at[slot.at].get(mode="promise_in_bounds")
 
     def numbers(self, pairs: bool) -> np.ndarray:
-        """Numbers of the slots, (steps, group), −1 where nothing is left."""
+        """Numbers of the slots, (steps, group), filled up with −1."""
         return _steps(self.omega.shape[0], False)
 
     def slot(self, number: Array) -> Slot:
@@ -111,18 +124,18 @@ class SlotTraversal(eqx.Module):
 
 
 class LatticeTraversal(eqx.Module):
-    """A lattice by slices."""
+    """A lattice, whose neighbours at one offset are one slice of an array."""
 
     shifts: Int[Array, " slots"]
     xi: Float[Array, "slots dim"]
     omega: Float[Array, " slots"]
-    filled: Float[Array, " flat"]  # 1 at points, 0 elsewhere
+    filled: Float[Array, " flat"]  # 1 in cells that hold a point, 0 elsewhere
     sites: Int[Array, " points"] | None
     cell: Float[Array, ""]  # volume of a cell
-    one: Float[Array, ""]  # 1, not known to the compiler
+    one: Float[Array, ""]  # 1, an input whose value the compiler does not see (see `components`)
     cells: tuple[int, ...] = eqx.field(static=True)
-    before: tuple[int, ...] = eqx.field(static=True)  # cells added in front of each axis, and behind it
-    behind: tuple[int, ...] = eqx.field(static=True)
+    before: tuple[int, ...] = eqx.field(static=True)  # cells added before the first cell of each axis
+    behind: tuple[int, ...] = eqx.field(static=True)  # cells added after the last cell of each axis
     periodic: tuple[bool, ...] = eqx.field(static=True)
     margin: int = eqx.field(static=True)
     flat: int = eqx.field(static=True)
@@ -164,7 +177,7 @@ class LatticeTraversal(eqx.Module):
         return self.cell * self.filled
 
     def embed(self, x: Any) -> Any:
-        """(points, components) → (components, flat); 0 where there is no point. Of NumPy arrays a NumPy array."""
+        """(points, components) → (components, flat), with 0 in empty cells. A NumPy array gives a NumPy array."""
         x = to_cells(x, self.cells, self.sites)
         for axis, (b, e, wraps) in enumerate(zip(self.before, self.behind, self.periodic, strict=True)):
             width = [(0, 0)] * x.ndim
@@ -181,13 +194,13 @@ class LatticeTraversal(eqx.Module):
         return from_cells(x, self.sites)
 
     def renew(self, x: Array) -> Array:
-        """What was computed cell by cell, made right at the copies of a periodic edge and 0 where there is no point."""
+        """x after a computation in all cells, with the copies at periodic edges renewed and 0 in empty cells."""
         if any(self.periodic):
             return self.embed(self.collect(x))
         return jnp.where(self.filled > 0, x, 0.0)
 
     def open(self, x: Array) -> Array:
-        """A row (flat,) with a margin on both sides, to be read by `here` and `far`."""
+        """A row (flat,) with a margin on both sides, which `here` and `far` can read."""
         return jnp.pad(x, self.margin)
 
     def here(self, x: Array) -> Array:
@@ -196,15 +209,15 @@ class LatticeTraversal(eqx.Module):
 
     @staticmethod
     def dear(*read: Array) -> list:
-        """What is costly to read again: nothing."""
+        """The arrays that are expensive to read again: none, because slices are cheap."""
         return []
 
     def far(self, x: Array, slot: Slot) -> Array:
-        """An opened array at the far ends of one slot."""
+        """An opened array at the far ends of the bonds of one slot."""
         return jax.lax.dynamic_slice_in_dim(x, self.margin + slot.at, self.flat)
 
     def numbers(self, pairs: bool) -> np.ndarray:
-        """Of every offset, or of one of each pair of opposite ones; as for `SlotTraversal`."""
+        """Numbers of the slots, (steps, group), filled up with −1. With `pairs`, one of every two opposite offsets."""
         return _steps(len(self.shifts) // 2, False) if pairs else _steps(len(self.shifts), self.flat > 4096)
 
     def slot(self, number: Array) -> Slot:
@@ -213,7 +226,7 @@ class LatticeTraversal(eqx.Module):
         return Slot(self.shifts[number], xi, self.omega[number], None)
 
     def returned(self, x: Array, slot: Slot) -> Array:
-        """What every point finds at the other end of the opposite bond: x at −offset, 0 beyond."""
+        """x at the far ends of the opposite bonds, at −offset; 0 beyond the array."""
         return jax.lax.dynamic_slice_in_dim(self.open(x), self.margin - slot.at, self.flat)
 
 

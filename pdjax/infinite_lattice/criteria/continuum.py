@@ -1,9 +1,14 @@
-"""The continuum test: the block ∂f/∂x at a point as h → 0 at fixed horizon.
+"""The criterion "continuum": the block ∂f/∂x of a point in the limit h → 0 at a fixed horizon.
 
-There only the stress term survives, −2 ∫ B dξ, with B = ∂t/∂η at fixed point state. It factors into a positive
-radial integral ∫ω r^{d−3} dr (which even diverges in 1D and 2D: only the sign means anything) and an average over
-directions, taken here by quadrature over the circle or sphere, which is a family like any other. For Seth–Hill under
-hydrostatic strain the margin has the sign of −aΓ(m). Source: Behzadinasab & Foster, Eqs. dfcontinuum to gammaCondition.
+In this limit only the stress term −2 ∫ B dξ remains, with B = ∂t/∂η at a fixed point state. It is the product of
+
+* a positive radial integral ∫ω r^{d−3} dr, which diverges in 1D and 2D, so that only the sign of the term has a
+  meaning, and
+* an average over directions, which this module computes by quadrature over the circle or sphere. The quadrature
+  directions form a family of bonds of length 1, to which the functions of a model apply unchanged.
+
+For the Seth–Hill model under the hydrostatic strain a the margin has the sign of −aΓ(m). Source: Behzadinasab & Foster,
+Eqs. dfcontinuum to gammaCondition.
 """
 
 from functools import lru_cache
@@ -22,7 +27,7 @@ from .outcome import Outcome, decide
 
 @lru_cache(maxsize=8)
 def sphere_rule(dim: int) -> tuple[np.ndarray, np.ndarray]:
-    """Unit directions (q, dim) and weights (q,) summing to 1: exact to rounding for smooth angular functions."""
+    """Unit directions (q, dim) and weights (q,) with sum 1. Exact to rounding for smooth functions of the direction."""
     if dim == 1:
         return np.array([[1.0], [-1.0]]), np.array([0.5, 0.5])
     turn = (np.arange(64) + 0.5) * 2 * np.pi / 64
@@ -36,11 +41,11 @@ def sphere_rule(dim: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def continuum(model: AbstractModel, family: LatticeFamily, F: Float[Array, "dim dim"], at=None) -> Outcome:
-    """λ_max(−2 Σ_n weight · B(n)) / M with unit bonds; the discretisation of `family` plays no part but through M."""
+    """λ_max(−2 Σ_n weight · B(n)) / M with bonds n of length 1. `family` enters only through M."""
     if not model.by_state or model.controlled:
         raise ValueError(
-            "criterion 'continuum' takes B(ξ) of one bond for all lengths: it needs a model with a point state and no"
-            f" control of zero-energy modes; got {type(model).__name__}"
+            "criterion 'continuum' uses the same B(ξ) for bonds of all lengths, so it needs a model with a point state"
+            f" and without control of zero-energy modes; got {type(model).__name__}. Use another criterion"
         )
     points, weights = sphere_rule(family.dim)
     xi = jnp.asarray(points, dtype=family.xi.dtype)
@@ -52,5 +57,5 @@ def continuum(model: AbstractModel, family: LatticeFamily, F: Float[Array, "dim 
     unit = modulus_at_rest(model, family)
     frozen, held, fixed = jax.lax.stop_gradient((model, bonds, unit))
     tension = jnp.linalg.norm(frozen.force_state(held), axis=1) / jnp.linalg.norm(held.xi + held.eta, axis=1)
-    scale = 2 * jnp.sum(tension) / fixed  # of the terms that cancel where Γ(m) = 0
+    scale = 2 * jnp.sum(tension) / fixed  # the size of the terms that cancel where Γ(m) = 0
     return Outcome(value / unit, value, mode, scale=scale, at=mode)

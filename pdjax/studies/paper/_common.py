@@ -1,15 +1,15 @@
-"""What the figures of the paper share: a sheet, a claim, a verdict that follows from comparisons.
+"""Shared parts of the figures of the paper: a sheet, a claim, and a verdict that follows from comparisons.
 
-A sheet computes numbers and draws them; a claim reads the numbers of its sheet and says what the paper has, what we
-have and which of four words follows:
+A sheet computes numbers and draws them. A claim reads the numbers of its sheet. It states the value of the paper, our
+value, and one of four verdicts:
 
     confirmed                   the paper's statement agrees with the exact value
-    corrected                   it does not, and a corrected statement, named in "ours", does
-    refuted                     it does not, and nothing of the kind is true
-    not decidable from the text what it depends on is not printed
+    corrected                   it does not, but a corrected statement, given in "ours", does
+    refuted                     it does not, and no similar statement is true
+    not decidable from the text the paper does not print what the answer depends on
 
-The functions numbers → (ours, verdict) stand with the sheet whose numbers they read. A verdict follows from
-comparisons, never from a word typed in: it changes if the numbers do.
+The functions numbers → (ours, verdict) are in the file of the sheet whose numbers they read. A verdict always follows
+from comparisons of numbers. It changes if the numbers change.
 """
 
 from collections.abc import Callable
@@ -22,15 +22,15 @@ from matplotlib.figure import Figure
 
 import pdjax as pd
 
-Found = tuple[str, str]  # (ours, verdict) of one claim
+Found = tuple[str, str]  # (our value in words, verdict) of one claim
 VERDICTS = ("confirmed", "corrected", "refuted", "not decidable from the text")
 OPEN = VERDICTS[3]
-# λ, μ of the laws that fit the paper's S = κE under hydrostatic load, κ = 1, and of the one used elsewhere
+# λ and μ of three laws. The first two have the paper's S = κE under a hydrostatic load, with κ = 1.
 CONSTANTS = {"bulk": (0.5, 0.0), "symmetric": (0.0, 0.5), "λ = μ = 1": (1.0, 1.0)}
 
 
 class Sheet(NamedTuple):
-    """A figure of the paper: what it shows there, and quick → (numbers, Figure); quick at reduced sizes."""
+    """A figure of the paper: what it shows, and the function quick → (numbers, Figure); `quick` reduces the sizes."""
 
     shows: str
     make: Callable[[bool], tuple[dict, Figure]]
@@ -39,9 +39,10 @@ class Sheet(NamedTuple):
 class Claim(NamedTuple):
     """One statement of the paper.
 
-    key; claim in words; where it stands; the paper's value; the sheet whose numbers decide; check: numbers → (ours,
-    verdict); command that shows it, by default that of the sheet; question: its own, if it is a step of the derivation
-    or a conclusion that was open; test: the test that holds it.
+    key: its name. claim: the statement in words. where: its place in the paper. paper: the value of the paper. figure:
+    the sheet whose numbers decide. check: the function numbers → (ours, verdict). command: a command that shows it; the
+    default is the command of the sheet. question: the question behind it, if it is a step of the derivation or a
+    conclusion that was open. test: the test that checks it.
     """
 
     key: str
@@ -55,7 +56,7 @@ class Claim(NamedTuple):
     test: str = ""
 
     def row(self, numbers: dict) -> dict[str, str]:
-        """The claim as a line of the table, its verdict from the numbers of its sheet."""
+        """The claim as one row of the table. Its verdict follows from the numbers of its sheet."""
         ours, verdict = self.check(numbers)
         if verdict not in VERDICTS:
             raise ValueError(f"claim {self.key}: verdict must be one of {', '.join(VERDICTS)}; got {verdict!r}")
@@ -65,17 +66,17 @@ class Claim(NamedTuple):
 
 
 def judge(holds: Any, corrected: Any = False) -> str:
-    """The word that follows from two comparisons with the exact value: the paper's, and a corrected statement's."""
+    """The verdict from two comparisons with the exact value: of the paper's statement and of a corrected one."""
     return VERDICTS[0] if holds else VERDICTS[1] if corrected else VERDICTS[2]
 
 
 def close(x, y, tolerance: float = 1e-9) -> bool:
-    """Equal to a relative or absolute tolerance, entry by entry; of arrays, as many of them."""
+    """Whether the entries agree to a relative or absolute tolerance. Empty arrays do not agree with anything."""
     return np.size(x) * np.size(y) != 0 and bool(np.allclose(x, y, rtol=tolerance, atol=tolerance))
 
 
 def sizes(quick: bool) -> str:
-    """What a figure says of its sizes."""
+    """The note in the title of a figure with reduced sizes."""
     return "  (--quick: reduced sizes)" if quick else ""
 
 
@@ -85,12 +86,12 @@ def linear(lam: float, mu: float) -> Any:
 
 
 def of_order(m: float, law: Any, control: Any = None) -> Any:
-    """The paper's model of order m."""
+    """The Seth–Hill model of order m, the model of the paper."""
     return pd.SethHill(jnp.asarray(m), law, control)
 
 
 def family_within(dim: int, N: int, reach: int):
-    """The family of horizon N in the arrays of a longer one, so that one compilation serves several N."""
+    """A family of horizon N in the arrays of a longer one, so that one compiled program serves several N."""
     return pd.lattice_family(dim, reach, influence=lambda r, _: jnp.where(r <= N * (1 + 1e-9), 1.0, 0.0))
 
 
@@ -98,7 +99,10 @@ _slope = eqx.filter_jit(pd.load_slope)
 
 
 def at_once(m: float, law: Any, dim: int, N: int, reach: int) -> list[bool]:
-    """Whether the smallest compression, and tension, is unstable (a_cr = 0): a wave free at rest gains by it."""
+    """Whether the smallest compression, and the smallest tension, is unstable (a_cr = 0).
+
+    This is so if the load raises the eigenvalue of a wave that has zero energy at rest.
+    """
     family = family_within(dim, N, reach)
     return [float(_slope(of_order(m, law), family, side=side)) > 0 for side in ("negative", "positive")]
 
@@ -109,7 +113,7 @@ def signed(x: float, digits: int = 4) -> str:
 
 
 def load(a: float) -> str:
-    """A critical load in words: 0 at once, none within −90 to +100 %."""
+    """A critical load in words: "none" if there is none between −90 % and +100 %, "0" if it is unstable at once."""
     return "none" if np.isinf(a) else "0" if a == 0 else f"{a:+.4f}".replace("-", "−")
 
 

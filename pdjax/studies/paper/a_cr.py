@@ -1,7 +1,8 @@
-"""Critical loads of m = 1 against the horizon, as quoted, printed, by the exact diagonal and by the symbol.
+"""Critical loads for m = 1 against the horizon: quoted in the paper, printed, by the exact diagonal and by the symbol.
 
-In 1D the diagonal is printed right. In 2D each slip of the printed criterion is repaired in turn, at N = 3, for the two
-simple laws that fit the paper's S = κE under hydrostatic load: "bulk", S = ½κ tr(E) I, and "symmetric", S = κE.
+In 1D the printed diagonal is right. In 2D each slip of the printed criterion is corrected in turn, at N = 3. This is
+done for the two simple laws with the paper's S = κE under a hydrostatic load: "bulk", S = ½κ tr(E) I, and "symmetric",
+S = κE.
 """
 
 import itertools
@@ -28,7 +29,7 @@ STYLE = {"bulk": ":", "symmetric": "--", "λ = μ = 1": "-"}
 
 
 def diagonal_root_1d(N: int, reach: int) -> float:
-    """Where ∂f/∂x of the bar vanishes, by autodiff, m = 1."""
+    """The root of ∂f/∂x of the bar, by autodiff, m = 1."""
     family, model = family_within(1, N, reach), of_order(1.0, LAWS["symmetric"])
     return brentq(lambda a: float(_block(model, family, (1 + a) * np.eye(1))[0, 0]), -0.5, 0, xtol=1e-14)
 
@@ -37,7 +38,7 @@ _block = eqx.filter_jit(pd.center_block)
 
 
 def q_of_general_formula() -> float:
-    """q of the criterion 1 + q [1 − (1 + a)^{−2m}], read off the paper's own general 2D formula, N = 3."""
+    """q of the criterion 1 + q [1 − (1 + a)^{−2m}], from the general 2D formula of the paper, N = 3."""
 
     @jax.jit
     def general(a):
@@ -49,7 +50,7 @@ def q_of_general_formula() -> float:
 
 
 def reachable_loads() -> list[float]:
-    """a_cr of every set of repairs, with either law, to three digits: 2D, m = 1, N = 3."""
+    """a_cr for every set of corrections and both laws, to three digits: 2D, m = 1, N = 3."""
     subsets = [s for n in range(5) for s in itertools.combinations(("S1", "S2", "S3", "S4"), n)]
     return sorted(
         {round(float(cf.critical_load_2d(1.0, 3, s, law)), 3) for s in subsets for law in ("bulk", "symmetric")}
@@ -57,7 +58,7 @@ def reachable_loads() -> list[float]:
 
 
 def diagonal_roots_2d() -> dict[str, float]:
-    """Where the 2D diagonal vanishes in compression, by autodiff, N = 3: m = 1 for each law, and m = 0; −∞: nowhere."""
+    """Roots of the 2D diagonal in compression, by autodiff, N = 3: m = 1 for each law, and m = 0; −∞ if none."""
     family, found = pd.lattice_family(2, 3), {}
     for name, m, law in (*((name, 1.0, law) for name, law in LAWS.items()), ("m = 0", 0.0, LAWS["λ = μ = 1"])):
         value = lambda a, m=m, law=law: float(_block(of_order(m, law), family, (1 + a) * np.eye(2))[0, 0])  # noqa: E731
@@ -124,7 +125,7 @@ def _loads(axes, values: dict, colour: str, style: str, label: str) -> None:
 
 
 def draw(numbers: dict, quick: bool) -> Figure:
-    """1D and 2D critical loads over N, and the chain of repairs at N = 3."""
+    """Draw the 1D and 2D critical loads over N, and the chain of corrections at N = 3."""
     figure = Figure(figsize=(13.4, 4.6), layout="constrained")
     left, middle, right = figure.subplots(1, 3)
     _loads(left, numbers["1D diagonal, printed"], COLOURS["printed"], "--", "diagonal, as printed")
@@ -139,7 +140,7 @@ def draw(numbers: dict, quick: bool) -> Figure:
             list(quoted), [100 * a for a in quoted.values()], "o", mfc="none", mec=SERIES[2], mew=1.8, ms=12,
             label="quoted in the paper",
         )  # fmt: skip
-        on.set_title(f"{dim}, m = 1: the compression that destabilises", fontsize=10)
+        on.set_title(f"{dim}, m = 1: critical compression", fontsize=10)
         on.set_xlabel("horizon over spacing N  [–]")
         on.set_ylabel("critical load a_cr  [%]")
         on.set_xticks(list(at_once))
@@ -154,7 +155,7 @@ def draw(numbers: dict, quick: bool) -> Figure:
     right.plot([], [], "o", mfc="none", mec=COLOURS["diagonal"], mew=1.4, ms=10, label="diagonal, by autodiff")
     right.axhline(100 * QUOTED_2D, color=SERIES[2], linewidth=1.2, linestyle="-.", label="quoted in the paper")
     right.set_xticks(range(len(steps)), _STEPS, fontsize=8, rotation=35, ha="right")
-    right.set_title("2D, N = 3: the printed criterion, mended stepwise", fontsize=10)
+    right.set_title("2D, N = 3: the printed criterion, corrected step by step", fontsize=10)
     right.set_ylabel("critical load a_cr  [%]")
     right.set_ylim(-6.4, -0.4)  # room for the legend
     right.legend(fontsize=8, frameon=False, loc="lower left", bbox_to_anchor=(0.0, 0.02), handlelength=4.5)
@@ -176,28 +177,32 @@ def nonlocality(n: dict) -> Found:
     """Remark 4, of the whole Jacobian."""
     diagonal, at_once = list(n["1D diagonal"].values()), n["1D symbol fails at once"]
     grows = all(a < b < 0 for a, b in pairwise(diagonal))
-    ours = f"of the diagonal; the symbol's a_cr is 0 at N = {', '.join(str(N) for N, yes in at_once.items() if yes)}"
+    ours = (
+        f"true of the diagonal; by the symbol a_cr = 0 at N = {', '.join(str(N) for N, yes in at_once.items() if yes)}"
+    )
     return ours, judge(grows and not any(at_once.values()), grows)
 
 
 def volume(n: dict) -> Found:
     """Eq. (2Ddf)."""
     bonds = n["2D, N = 3"]["bonds"]
-    ours = f"{bonds} bonds; πN² = {np.pi * 9:.2f}, so N⁴ and N² for N² and N"
+    ours = f"{bonds} bonds; πN² = {np.pi * 9:.2f}, so N² should be N⁴, and N should be N²"
     return ours, judge(close(np.pi * 3, bonds, 0.02), close(np.pi * 9, bonds, 0.02))
 
 
 def sums(n: dict) -> Found:
     """The six sums after Eq. (2Ddfs)."""
     exact, printed = (n["2D, N = 3"][f"sum of 1/p², {form}"] for form in ("exact", "printed"))
-    return f"{exact:.3f}, summed: axis points are counted twice", judge(close(exact, printed, 0.02), exact < printed)
+    return f"the finite sum is {exact:.3f}; the paper counts the points on the axes twice", judge(
+        close(exact, printed, 0.02), exact < printed
+    )
 
 
 def law(n: dict) -> Found:
     """Eq. (hydro2Ds)."""
     stiffness = n["2D, N = 3"]["I : dS/dE : I of S = κE over κ"]
     two = [stiffness["bulk"], stiffness["symmetric"]]
-    return f"{two[0]:g}, for every law of that kind", judge(close(two, 4.0), close(two, 2.0))
+    return f"{two[0]:g}, for every law with S = κE under hydrostatic load", judge(close(two, 4.0), close(two, 2.0))
 
 
 def which_law(n: dict) -> Found:
@@ -210,7 +215,7 @@ def which_law(n: dict) -> Found:
 def factor(n: dict) -> Found:
     """Appendix C."""
     q = n["2D, N = 3"]["q of the general formula"]
-    ours = f"πN = {q:.2f}, by the paper's own general formula"
+    ours = f"πN = {q:.2f}, by the general formula of the paper"
     return ours, judge(close(q, 6 * np.pi), close(q, 3 * np.pi))
 
 
@@ -218,7 +223,9 @@ def quoted_2d(n: dict) -> Found:
     """Remark 5."""
     printed = n["2D, N = 3"]["chain"]["bulk"][0][2]
     half = n["1D diagonal"][3] / 2
-    ours = f"the criterion gives {signed(printed)}; {signed(half, 3)} is half the 1D load; no set of repairs gives it"
+    ours = (
+        f"the criterion gives {signed(printed)}; {signed(half, 3)} is half the 1D load; no set of corrections gives it"
+    )
     return ours, judge(QUOTED_2D in n["2D, N = 3"]["reachable"])
 
 
@@ -233,7 +240,7 @@ def inequality(n: dict) -> Found:
 def hencky(n: dict) -> Found:
     """The branch m = 0 before Fig. 3."""
     p = n["2D, N = 3"]
-    ours = f"{load(p['m = 0, by autodiff'])}: the limit of the bracket is 1, not 1 + 2πN ln(1 + a)"
+    ours = f"{load(p['m = 0, by autodiff'])}: the limit of the bracket for m → 0 is 1, not 1 + 2πN ln(1 + a)"
     both = np.isinf(p["m = 0"]["corrected"]) and np.isinf(p["m = 0, by autodiff"])
     return ours, judge(close(p["m = 0"]["printed"], p["m = 0, by autodiff"]), bool(both))
 
@@ -242,10 +249,11 @@ def dimension(n: dict) -> Found:
     """Remark 5, of the exact diagonal with λ = μ = 1."""
     one, two, three = n["diagonal of λ = μ = 1, N = 3"].values()
     ours = (
-        f"of the diagonal, {', '.join(signed(a) for a in (one, two, three))} (λ = μ = 1): {two / one:.2f} of 1D in 2D"
+        f"true of the diagonal: {', '.join(signed(a) for a in (one, two, three))} for λ = μ = 1, so that the 2D value"
+        f" is {two / one:.2f} of the 1D one"
     )
     if all(m < 1 for m in n["order above which compression fails at once, N = 3"].values()):
-        ours += "; the symbol's load is 0 in each"
+        ours += "; by the symbol a_cr = 0 in each"
     other = ", ".join(f"{dim} {load(a)}" for dim, a in n["diagonal of m = 0, λ = μ = 1, N = 3"].items())
-    ours += f". Of m = 0 not even that: {other}"
+    ours += f". For m = 0 it is not true of the diagonal either: {other}"
     return ours, judge(one < two < three < 0 and close(two / one, 0.5, 0.05), one < two < three < 0)

@@ -1,9 +1,9 @@
-"""The cuboid, 4 × 1 × 1, pulled and pushed by its ends, explicit in time, m = 0: did the symbol say when it goes bad?
+"""The cuboid, 4 × 1 × 1, in tension and compression by its ends, explicit in time, m = 0, and the symbol's prediction.
 
-Alternation between neighbours (¼ second differences, root mean square, over h) tells when a run goes bad; its onset is
-where it passes ONSET. The prediction is linear: the alternation at START, times exp ∫ γ dt with the growth rate
-γ = √(λ_max/ρ) of the symbol on the path of uniaxial stress. Half the time step runs beside it (rings), and at full
-size the order m = 1, which the symbol calls stable in tension.
+The alternation of neighbouring points (¼ second differences, root mean square, over h) shows when a run becomes
+unstable. Its onset is the strain at which it exceeds ONSET. The prediction is linear: the alternation at the strain
+START, times exp ∫ γ dt with the growth rate γ = √(λ_max/ρ) of the symbol on the path of uniaxial stress. Runs with half
+the time step are drawn as rings. At full size the order m = 1 is added, which the symbol calls stable in tension.
 """
 
 from typing import Any
@@ -27,7 +27,7 @@ SHADES = {"m = 0": SERIES[0], "m = 1": SERIES[1]}
 
 
 def pull(model, strain: float, rate: float, shape, N: int = 3, halved: bool = False) -> dict:
-    """One run of 100 saves: strains, force, alternation of each component, onset; the last u (points, 3) as "_u"."""
+    """One run with 100 saves: strains, force, alternation of each component, onset; the last u (points, 3) as "_u"."""
     motion: Any = pd.scenes.cuboid(shape, N, strain, rate, model)
     body: Any = motion.scene.body
     h = body.spacing
@@ -58,9 +58,9 @@ def pull(model, strain: float, rate: float, shape, N: int = 3, halved: bool = Fa
 
 
 def growth(model, sign: float, strains=STRAINS, N: int = 3) -> np.ndarray:
-    """γ of the symbol along uniaxial stress (strains,), spacing and density 1."""
+    """γ of the symbol along uniaxial stress (strains,), for spacing and density 1."""
     loads = sign * np.asarray(strains, dtype=float)
-    # the map compiles once for a law, whatever the order, and anew for every function that makes a model
+    # The map compiles one program for a law and all its orders, but a new one for every function that makes a model.
     what: dict = {"law": model.law} if isinstance(model, pd.SethHill) else {"model": lambda _: model}
     order = float(getattr(model, "m", 0.0))
     found = pd.stability_map([order], loads, N=N, dim=3, path=pd.uniaxial_stress, show_progress=False, **what)
@@ -68,7 +68,7 @@ def growth(model, sign: float, strains=STRAINS, N: int = 3) -> np.ndarray:
 
 
 def predicted(run: dict, rates: np.ndarray, rate: float, strains=STRAINS) -> tuple[np.ndarray, float | None]:
-    """Alternation over strain by linear growth, NaN before START, and the strain at which it passes ONSET."""
+    """Alternation by linear growth, NaN before START, and the strain at which it exceeds ONSET (or None)."""
     strain = np.abs(run["strain"])
     gamma = np.interp(strain, np.r_[0.0, strains], np.r_[0.0, rates])
     exponent = np.concatenate([[0], np.cumsum(0.5 * (gamma[1:] + gamma[:-1]) * np.diff(strain))]) / rate
@@ -82,7 +82,7 @@ def predicted(run: dict, rates: np.ndarray, rate: float, strains=STRAINS) -> tup
 
 
 def worst_alternation(run: dict) -> np.ndarray:
-    """The largest of the three components' alternation over h (saves,)."""
+    """The largest alternation of the three components over h (saves,)."""
     return np.max(list(run["alternation over h"].values()), axis=0)
 
 
@@ -96,7 +96,9 @@ def make(quick: bool) -> tuple[dict, Figure]:
     for name, model in models.items():
         for side, sign in SIDES.items():
             run = pull(model, sign * 0.1, rate, shape, N)
-            gamma = shape[-1] * growth(model, sign, strains, N)  # the body's side is 1, the symbol's spacing
+            gamma = shape[-1] * growth(
+                model, sign, strains, N
+            )  # the side of the body is 1; in the symbol the spacing is 1
             curve, by_symbol = predicted(run, gamma, rate, strains)
             runs[name, side], curves[name, side] = run, curve
             numbers[f"{name}, {side}"] = {
@@ -127,7 +129,7 @@ def make(quick: bool) -> tuple[dict, Figure]:
 
 
 def draw(runs: dict, curves: dict, half: dict, shape, rate: float, N: int, quick: bool) -> Figure:
-    """Force and alternation against strain, tension and compression; the three displacements of m = 0 pushed."""
+    """Draw force and alternation against strain, and the displacements of m = 0 in compression."""
     figure = Figure(figsize=(12.4, 7.6), layout="constrained")
     grid = figure.add_gridspec(6, 3)
     axes = [[figure.add_subplot(grid[3 * row : 3 * row + 3, k]) for k in range(2)] for row in range(2)]
@@ -186,7 +188,7 @@ def cuboid(n: dict) -> Found:
     good = all(r["onset"] is not None for r in runs)
     seen = " and ".join(percent(r["onset"]) for r in runs if r["onset"] is not None)
     foretold = " and ".join(percent(r["onset by the symbol"]) for r in runs if r["onset by the symbol"] is not None)
-    return f"neighbours alternate from {seen} on; the symbol's growth rates say {foretold}", judge(good)
+    return f"neighbours alternate from {seen} on; the growth rates of the symbol predict {foretold}", judge(good)
 
 
 def cuboid_step(n: dict) -> Found:
@@ -197,7 +199,7 @@ def cuboid_step(n: dict) -> Found:
     same = all(None not in pair and abs(pair[0] - pair[1]) < 0.0021 for pair in onsets)
     before = max(h["force differs before the onset by"] for h in half)
     after = max(h["force differs after the onset by, in the mean"] for h in half)
-    ours = f"half the step: the same onset, force to {before:.2%} before it, to {after:.1%} in the mean after it"
+    ours = f"half the step: the same onset; the force differs by {before:.2%} before it, by {after:.1%} (mean) after it"
     return ours, judge(same and before < 0.01 and after < 0.1)
 
 
@@ -207,11 +209,11 @@ def cuboid_fields(n: dict) -> Found:
     words = ", ".join(f"u_{axis} {push[axis]:.2f}" for axis in "xyz")
     smoother = push["x"] < min(push["y"], push["z"])
     other = stretch["x"] > max(stretch["y"], stretch["z"])
-    ours = f"smoother, not smooth: alternation {words} of h; in tension it is u_x that alternates most"
+    ours = f"u_x is smoother, but not smooth: alternation {words} of h; in tension u_x alternates most"
     return ours, judge(smoother and push["x"] < 1e-3, smoother and other)
 
 
 def cuboid_when(n: dict) -> Found:
-    """Fig. 6: neither points nor rate are printed, and the onset depends on both."""
+    """Fig. 6: the paper gives neither points nor rate, and the onset depends on both."""
     onset, shape = n["m = 0, compression"]["onset"], " × ".join(map(str, n["shape"]))
-    return f"{percent(onset)} with {shape} points, N = {n['N']}, rate {n['rate']:g}; it moves with the rate", OPEN
+    return f"{percent(onset)} with {shape} points, N = {n['N']}, rate {n['rate']:g}; it depends on the rate", OPEN

@@ -1,9 +1,10 @@
-"""Dispersion at a tiny and at a large amplitude, the symbol's beside it, and whether the second is a motion.
+"""Dispersion at a tiny and at a large amplitude, compared with the symbol, and whether the large wave is a motion.
 
-u = u₀ exp i(kX − ωt) in the equation of motion, ω read at X = t = 0, real part drawn. For small u₀ it is the symbol's
-frequency, whatever the order. A frequency of a motion depends neither on the place X nor on the sign of u₀, which is
-the same real wave half a wavelength on. The third panel reads it in three ways, beside real standing waves in time.
-The zero at the zone's edge: what the wave there does at rest and under load, and the continuum, which has no such zero.
+The paper puts u = u₀ exp i(kX − ωt) into the equation of motion and reads ω at X = t = 0. The figure shows the real
+part. For small u₀ it is the frequency of the symbol, for every order. The frequency of a motion depends neither on the
+place X nor on the sign of u₀: the wave with −u₀ is the same real wave, shifted by half a wavelength. The third panel
+reads ω in three ways, beside real standing waves in time. Other numbers concern the zero at the edge of the zone: the
+behaviour of that wave at rest and under load, and the continuum, which has no such zero.
 """
 
 from itertools import pairwise
@@ -20,7 +21,7 @@ from ._common import Found, close, judge, linear, of_order, sizes
 
 N, ORDERS, SMALL, LARGE = 3, (-1.0, 0.0, 0.5, 1.0, 2.0), 1e-6, 0.1
 LAW = linear(1.0, 0.0)
-READ = 2 * np.pi * 4 / 40  # the wave that is read in several ways: four waves on forty points
+READ = 2 * np.pi * 4 / 40  # the wave whose ω is read in several ways: four waves on forty points
 WAYS = {"X = 0": (1.0, 0.0, "-"), "X = 2 h": (1.0, 2.0, "--"), "X = 5 h, half a wave": (1.0, 5.0, ":")}
 
 
@@ -40,8 +41,10 @@ def real_wave(u0: float, omega: float, m: float = 1.0) -> float:
 
 
 def edge_wave() -> dict:
-    """The symbol at k = π/h over the law's modulus, at rest and at ±1 % of strain, m = 1; the verdict at rest; how far
-    lattices are from the continuum at kδ = 2π, where that is lowest beyond kδ = π, in units of c/δ.
+    """Numbers of the wave at the edge of the zone, k = π/h, m = 1.
+
+    These are the symbol over the modulus of the law, at rest and at ±1 % of strain, and the verdict at rest; and how
+    far lattices are from the continuum at kδ = 2π, the minimum beyond kδ = π, in units of c/δ.
     """
     family, model, lowest = pd.lattice_family(1, N), of_order(1.0, LAW), 2 * np.pi
     at = {f"{a:+g}": float(pd.symbol(model, family, (1 + a) * np.eye(1), [np.pi])[0, 0]) for a in (-0.01, 0.0, 0.01)}
@@ -88,8 +91,8 @@ def make(quick: bool) -> tuple[dict, Figure]:
     parts: Any = figure.subfigures(1, 2, width_ratios=(9.4, 5.2))
     left, right = parts
     panels: dict[str, Any] = {
-        f"u₀ = {SMALL:g} h: every order is the symbol's": small,
-        f"u₀ = {LARGE:g} h: the orders part": large,
+        f"u₀ = {SMALL:g} h: every order agrees with the symbol": small,
+        f"u₀ = {LARGE:g} h: the orders differ": large,
     }
     pd.figures.dispersion_curves(panels, f"The paper's dispersion relation, 1D, N = {N}{sizes(quick)}", 0.7, left)
     _draw_reads(right, sizes_u0, real, omega)
@@ -97,7 +100,7 @@ def make(quick: bool) -> tuple[dict, Figure]:
 
 
 def _draw_reads(on, sizes_u0: np.ndarray, real: list[float], omega: float) -> None:
-    """Frequency over the symbol's against u₀: the complex wave read at three places, real waves in time."""
+    """Draw frequencies against u₀: of the complex wave, read at three places, and of real waves in time."""
     upper, lower = on.subplots(2, 1, sharex=True)
     u0 = np.linspace(1e-3, LARGE, 40)
     for name, (sign, X, style) in WAYS.items():
@@ -119,19 +122,22 @@ def _draw_reads(on, sizes_u0: np.ndarray, real: list[float], omega: float) -> No
 def waves_small(n: dict) -> Found:
     """Section 5.4."""
     gap = n["orders from the symbol, small u0"]
-    return f"the symbol's, to {gap:.0e} c/h", judge(gap < 1e-5)
+    return f"they agree with the symbol to {gap:.0e} c/h", judge(gap < 1e-5)
 
 
 def waves_zeros(n: dict) -> Found:
     """Fig. 7."""
     at_edge = n["|ω| h/c at k = π/h, large u0"]
     kept = [m for m, size in at_edge.items() if size < 1e-9]
-    ours = f"at tiny u₀, yes; at 0.1 h of those drawn only {', '.join(kept)} (m = 1: |ω| = {at_edge['m = 1']:.2f} c/h)"
+    size = at_edge["m = 1"]
+    ours = (
+        f"true for tiny u₀; for 0.1 h true of {', '.join(kept)} only, of the drawn orders (m = 1: |ω| = {size:.2f} c/h)"
+    )
     return ours, judge(len(kept) == len(at_edge), close(n["zeros of the symbol, k h / π"], [1.0]))
 
 
 def waves_edge(n: dict) -> Found:
-    """Fig. 7: what a zero frequency says."""
+    """Fig. 7: the meaning of a zero frequency."""
     edge = n["wave at the zone's edge"]
     pressed, rest, pulled = (edge["λ h²/κ"][a] for a in ("-0.01", "+0", "+0.01"))
     turns = abs(rest) < 1e-14 and pulled < 0 < pressed
@@ -139,9 +145,9 @@ def waves_edge(n: dict) -> Found:
     of_the_lattice = lowest > 0.5 and all(finer < 0.6 * coarser for coarser, finer in pairwise(gaps))
     grows, runs = np.sqrt(max(pressed, 0)), np.sqrt(max(-pulled, 0))
     ours = (
-        f"{edge['at rest']} at rest, whatever m; with m = 1 the wave at π/h grows at {grows:.3f} c/h when compressed by"
-        f" 1 %, runs at {runs:.3f} c/h when stretched. The zero is the lattice's: the continuum's ω = (c/δ) Si(kδ), to"
-        f" which lattices tend, is above {np.floor(100 * lowest) / 100:.2f} c/δ beyond kδ = π"
+        f"at rest every order is {edge['at rest']}. For m = 1 the wave at π/h grows at {grows:.3f} c/h under 1 % of"
+        f" compression and oscillates at {runs:.3f} c/h under 1 % of tension. The zero belongs to the lattice:"
+        f" the limit of fine lattices, ω = (c/δ) Si(kδ), is above {np.floor(100 * lowest) / 100:.2f} c/δ for kδ > π"
     )
     return ours, judge(edge["at rest"] == "unstable", edge["at rest"] == "marginal" and turns and of_the_lattice)
 
@@ -153,6 +159,6 @@ def waves_large(n: dict) -> Found:
     one = abs(here - there) < 1e-3 and abs(here - flipped) < 1e-3
     ours = (
         f"ω depends on where it is read ({here:.3f} at X = 0, {there:.3f} at 2h) and on the sign of u₀;"
-        f" a real standing wave's is the symbol's times 1 {'-' if shift < 0 else '+'} {abs(shift):.2f} (u₀/h)²"
+        f" a real standing wave has that of the symbol times 1 {'-' if shift < 0 else '+'} {abs(shift):.2f} (u₀/h)²"
     )
     return ours.replace("-", "−").replace("j", "i"), judge(one, not one)

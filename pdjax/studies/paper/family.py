@@ -1,10 +1,10 @@
-"""One family in a uniform deformation: the paper's schematic on a lattice, and the row of the Jacobian that it makes.
+"""One family in a uniform deformation: the schematic of the paper on a lattice, and one row of the Jacobian.
 
-    J⟨η⟩ = ∂f(X)/∂x(X + η),   non-zero within two horizons;   the paper's test is its diagonal at η = 0
+    J⟨η⟩ = ∂f(X)/∂x(X + η),   non-zero within two horizons;   the test of the paper is its diagonal at η = 0
 
-The numbers: the paper's general formula of J⟨η⟩ against reverse-mode differentiation of the force on one point; whether
-uniform states are equilibria, the static equation's bracket, and what moving the centre does to its strain; where the
-nonlocal strain is the local one; Silling's model, by its diagonal block and by its symbol.
+The numbers compare the general formula of J⟨η⟩ with reverse-mode differentiation of the force on one point. They also
+show: whether uniform states are equilibria; what the static equation sums; how moving the centre changes its strain;
+where the nonlocal strain equals the local one; Silling's model by its diagonal block and by its symbol.
 """
 
 import equinox as eqx
@@ -27,7 +27,7 @@ LAW = linear(1.0, 1.0)
 
 
 def rows(F=STATE, m=M) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """η (points, 2) [h]; J⟨η⟩ (points, 2, 2) by autodiff of the force on a point of a periodic lattice, by formula."""
+    """η (points, 2) [h]; J⟨η⟩ (points, 2, 2) by autodiff of the force on one point of a lattice, and by the formula."""
     side = 4 * N + 1
     body = pd.lattice((side, side), periodic=True)
     families, centre = pd.families(body, float(N)), len(body) // 2
@@ -49,7 +49,7 @@ def rows(F=STATE, m=M) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def strain_gaps() -> dict[str, float]:
-    """Largest component of Ē_m − E_m over rotations times a stretch, stretches of 1 and 10 % and a shear, 2D, N = 3."""
+    """Largest component of Ē_m − E_m, 2D, N = 3: for λQ, for stretches of 1 % and 10 %, and for a shear."""
     family = pd.lattice_family(2, N)
     one, turn = np.ones(len(family.xi)), np.array([[np.cos(0.4), -np.sin(0.4)], [np.sin(0.4), np.cos(0.4)]])
     states = (1.2 * turn, np.diag([1.01, 1.0]), np.diag([1.1, 1.0]), np.array([[1.0, 0.1], [0.0, 1.0]]))
@@ -66,10 +66,10 @@ def strain_gaps() -> dict[str, float]:
 
 
 def uniform_state() -> dict[str, float]:
-    """The force density of a uniform state, the static equation's bracket, and ∂Ē/∂x of a moved centre."""
+    """Net force of a uniform state, summand of the static equation, and ∂Ē/∂x of a moved centre."""
     family, model = pd.lattice_family(2, N), of_order(M, LAW)
     T = np.asarray(eqx.filter_jit(pd.force_state)(model, family, STATE))
-    there = np.roll(T, len(T) // 2, axis=0)  # T⟨−ξ⟩(X + ξ): bond b + bonds/2 is opposite to bond b
+    there = np.roll(T, len(T) // 2, axis=0)  # T⟨−ξ⟩(X + ξ), as bond b + bonds/2 is opposite to bond b
     at = family.bonds(jnp.asarray(STATE))
     move = jnp.zeros_like(at.eta).at[:, 0].set(-1.0)
     change = jax.jvp(lambda eta: model.strain(at._replace(eta=eta)), (at.eta,), (move,))[1]
@@ -83,7 +83,7 @@ def uniform_state() -> dict[str, float]:
 
 
 def silling() -> dict:
-    """Silling's model at ±5 %: the diagonal block's largest eigenvalue, and the symbol's at the zone's corner."""
+    """Silling's model at ±5 %: largest eigenvalue of the diagonal block and of the symbol at the zone's corner."""
     family, model, corner = pd.lattice_family(2, N), pd.Correspondence(LAW), np.pi * np.ones(2)
     found = {}
     for a in (-0.05, 0.05):
@@ -114,7 +114,7 @@ def make(quick: bool) -> tuple[dict, Figure]:
 
 
 def draw(eta: np.ndarray, size: np.ndarray, numbers: dict, quick: bool) -> Figure:
-    """Left: the family on its lattice; right: how large each entry of the point's row is."""
+    """Draw the family on its lattice (left) and the size of each entry of the point's row of the Jacobian (right)."""
     figure = Figure(figsize=(10.2, 4.9), layout="constrained")
     left, right = figure.subplots(1, 2)
     side = np.arange(-2 * N - 1, 2 * N + 2)
@@ -128,15 +128,15 @@ def draw(eta: np.ndarray, size: np.ndarray, numbers: dict, quick: bool) -> Figur
     left.text(-4.6, 2.35, "X + ξ", color=SERIES[0], fontsize=9)
     left.add_patch(Circle((0, 0), N, fill=False, color=SERIES[0], lw=1.2))
     left.text(N * 0.72, N * 0.78, "horizon δ", color=SERIES[0], fontsize=9)
-    left.set_title(f"the paper's schematic, on a lattice: {inside.sum()} bonds, N = {N}", fontsize=10)
+    left.set_title(f"the schematic of the paper on a lattice: {inside.sum()} bonds, N = {N}", fontsize=10)
     left.legend(fontsize=8, frameon=True, loc="lower right")
     marks = right.scatter(
         *eta.T, s=46, c=size / size.max(), cmap="cividis_r", norm=LogNorm(1e-3, 1), edgecolor="#555555", linewidth=0.3
     )
-    right.plot(0, 0, "o", mfc="none", mec=COLOURS["diagonal"], mew=2, markersize=12, label="what the diagonal looks at")
+    right.plot(0, 0, "o", mfc="none", mec=COLOURS["diagonal"], mew=2, markersize=12, label="diagonal block")
     for radius in (N, 2 * N):
         right.add_patch(Circle((0, 0), radius, fill=False, color="#888888", lw=0.9, ls="--"))
-    right.set_title(f"the row of its Jacobian: {numbers['entries of a row']} entries, to two horizons", fontsize=10)
+    right.set_title(f"row of the Jacobian: {numbers['entries of a row']} entries, within two horizons", fontsize=10)
     right.legend(fontsize=8, loc="lower right")
     figure.colorbar(marks, ax=right, label="‖J⟨η⟩‖ / ‖J⟨0⟩‖  [–]", shrink=0.85)
     for on, name in ((left, "ξ"), (right, "η")):
@@ -145,7 +145,9 @@ def draw(eta: np.ndarray, size: np.ndarray, numbers: dict, quick: bool) -> Figur
         on.set_xlim(-7.6, 7.6)
         on.set_ylim(-7.6, 7.6)
         on.set_aspect("equal")
-    figure.suptitle(f"One family, and what a point's force depends on: 2D, m = {M:g}{sizes(quick)}", fontsize=11)
+    figure.suptitle(
+        f"One family, and the points on which the force of X depends: 2D, m = {M:g}{sizes(quick)}", fontsize=11
+    )
     return figure
 
 
@@ -155,21 +157,21 @@ def draw(eta: np.ndarray, size: np.ndarray, numbers: dict, quick: bool) -> Figur
 def equilibrium(n: dict) -> Found:
     """Section 3.1."""
     size = n["uniform"]["net force"]
-    return f"net force {size:.0e} of the bonds' forces", judge(size < 1e-14)
+    return f"the net force is {size:.0e} of the sum of the bond forces", judge(size < 1e-14)
 
 
 def static(n: dict) -> Found:
     """The display after Eq. (TforTwo)."""
     u = n["uniform"]
     exact = u["bracket, exact"]
-    ours = f"T + T: largest component {exact:.4f}, printed {u['bracket, printed']:.4f}; the sum is 0 either way"
+    ours = f"T + T, with components up to {exact:.4f}; the printed ones are {u['bracket, printed']:.4f}; both sum to 0"
     return ours, judge(close(u["bracket, printed"], exact), close(u["bracket, corrected"], exact))
 
 
 def entry(n: dict) -> Found:
     """The display before Eq. (finaldf)."""
     gap = n["formula from autodiff"]
-    return f"right, to {gap:.0e}, in all {n['entries of a row']} entries of a row", judge(gap < 1e-12)
+    return f"agrees with autodiff to {gap:.0e} in all {n['entries of a row']} entries of a row", judge(gap < 1e-12)
 
 
 def centre(n: dict) -> Found:
@@ -185,7 +187,9 @@ def strain(n: dict) -> Found:
     ratios = s["smallest ratio of 10 % to 1 % stretch"], s["largest ratio of 10 % to 1 % stretch"]
     second = 50 < ratios[0] and ratios[1] < 200
     off = s["m = 0, 10 % stretch"]
-    ours = f"for m = 1 and similarities ({exact:.0e}); else to first order: {off:.1e} off at m = 0, 10 % stretch"
+    ours = (
+        f"exact ({exact:.0e}) for m = 1 and for F = λQ; otherwise to first order: {off:.1e} off at m = 0, 10 % stretch"
+    )
     return ours, judge(max(exact, off) < 1e-14, exact < 1e-14 and second)
 
 
@@ -194,5 +198,8 @@ def silling_stable(n: dict) -> Found:
     states = n["Silling"].values()
     block, free = max(s["block"] for s in states), max(s["at the corner"] for s in states)
     words = {s["verdict"] for s in states}
-    ours = f"its block, yes ({signed(block, 3)} at most); the whole is {' or '.join(words)}: waves cost {free:.0e}"
+    ours = (
+        f"its diagonal block is negative (at most {signed(block, 3)}), but the full Jacobian is {' or '.join(words)}:"
+        f" some waves have zero energy (eigenvalue {free:.0e})"
+    )
     return ours, judge(words == {"stable"}, block < 0 and words == {"marginal"} and free < 1e-14)

@@ -1,9 +1,9 @@
-"""The order m_cr at which the continuum's diagonal changes sign, as printed, corrected and by autodiff.
+"""The order m_cr at which the diagonal of the continuum changes sign: printed, corrected and by autodiff.
 
     ∂f_k/∂x_k = −2 S (1 + a)^{2m−2} Γ(m)   as h → 0 at fixed horizon;   Γ(m_cr) = 0
 
-Γ is read off the autodiff block of a family of all directions (criterion `continuum`), up to its positive radial
-factor; dT·dY of a moved centre, which is −½ of that diagonal, is one forward derivative of the force state.
+Γ follows, up to its positive radial factor, from the autodiff block of a family of all directions (criterion
+`continuum`). dT·dY of a moved centre is −½ of that diagonal. It is one forward derivative of the force state.
 """
 
 import equinox as eqx
@@ -28,21 +28,21 @@ def gamma_exact(orders: np.ndarray, dim: int) -> np.ndarray:
     margin = pd.stability_map(orders, [LOAD], N=2, dim=dim, law=LAW, criterion="continuum", show_progress=False).margin[
         :, 0
     ]
-    stress = (dim + 2) * np.asarray(seth_hill(np.log1p(LOAD), orders))  # dλ + 2μ, times the strain
-    return -margin * 3 / (2 * stress * (1 + LOAD) ** (2 * orders - 2))  # 3 is λ + 2μ, the margin's unit
+    stress = (dim + 2) * np.asarray(seth_hill(np.log1p(LOAD), orders))  # (dλ + 2μ) E_m
+    return -margin * 3 / (2 * stress * (1 + LOAD) ** (2 * orders - 2))  # the margin's unit is λ + 2μ = 3
 
 
 def zero(orders: np.ndarray, values: np.ndarray) -> float:
-    """Where a straight line vanishes: Γ is linear in m."""
+    """The root of a straight line through the values; Γ is linear in m."""
     slope, at_zero = np.polyfit(orders, values, 1)
     if not np.allclose(values, at_zero + slope * orders, atol=1e-9):
-        raise RuntimeError("Γ(m) is not linear in m: look for its root in another way")
+        raise RuntimeError("Γ(m) is not linear in m, so this fit cannot find its root; use a root finder")
     return float(-at_zero / slope)
 
 
 @eqx.filter_jit
 def moved_centre(family, a, m):
-    """dT·dY where the centre alone moves by 1 along the first axis: printed, corrected, exact."""
+    """dT·dY if the centre alone moves by 1 along the first axis: printed, corrected, exact."""
     model, at = of_order(m, LAW), family.bonds((1 + a) * jnp.eye(family.dim))
     move = jnp.zeros_like(at.eta).at[:, 0].set(-1.0)
     change = jax.jvp(lambda eta: model.force_state(at._replace(eta=eta)), (at.eta,), (move,))[1]
@@ -74,7 +74,7 @@ def make(quick: bool) -> tuple[dict, Figure]:
         axes.set_xlim(-1.6, 1.6)
     figure.axes[0].set_ylabel("Γ(m) over its radial factor  [–]")
     figure.axes[0].legend(fontsize=9, frameon=False)
-    figure.suptitle(f"Where the continuum's diagonal changes sign{sizes(quick)}", fontsize=11)
+    figure.suptitle(f"Order at which the diagonal of the continuum changes sign{sizes(quick)}", fontsize=11)
     return numbers, figure
 
 
@@ -91,12 +91,12 @@ def m_cr_plane(n: dict) -> Found:
 def m_cr_space(n: dict) -> Found:
     """Proposition 1 in 3D."""
     p = n["m_cr"]["3D"]
-    ours = f"{p['exact']:.4f}: the average is 1/3, so m_cr = 1 − d/2".replace("-", "−")
+    ours = f"{p['exact']:.4f}: the average of ξ_k²/|ξ|² is 1/3, so m_cr = 1 − d/2".replace("-", "−")
     return ours, judge(close(p["printed"], p["exact"]), close(p["corrected"], p["exact"]))
 
 
 def moved_centre_sign(n: dict) -> Found:
     """Eq. (altS)."""
     p = n["dT dY"]["3D"]
-    ours = f"{signed(p['exact'])}: the sign is wrong, and ξ_l ξ_l stands for ξ₁²"
+    ours = f"{signed(p['exact'])}: the printed sign is wrong, and ξ_l ξ_l is printed for ξ₁²"
     return ours, judge(close(p["printed"], p["exact"]), close(p["corrected"], p["exact"]))

@@ -1,8 +1,8 @@
-"""Making sheets, one after the other or several at a time.
+"""Making sheets, one after the other or several at a time in processes.
 
-Most of a sheet's time is compiling, which is one thread's work: with a process to each core, two cores make a quick
-run in 0.6 of the time of one process. The processes share nothing but JAX's settings and its cache of compiled
-programs; what they find comes back to the one that started them, which alone writes the results.
+Most of the time of a sheet is compiling, which uses one thread. With one process for each core, two cores finish a
+quick run in 0.6 of the time of one process. The processes share JAX's settings and its cache of compiled programs,
+nothing else. They send their results to the first process, and only that process writes them.
 """
 
 import multiprocessing
@@ -22,8 +22,8 @@ import jax
 
 from ..._internal.threads import cores
 
-LONGEST = ("cuboid", "step-bar", "singular-bar", "maps-2d")  # begun first, so that none is left alone at the end
-MOST = 4  # processes: three sheets take most of the time, and each takes some GB
+LONGEST = ("cuboid", "step-bar", "singular-bar", "maps-2d")  # started first, so that none of them runs alone at the end
+MOST = 4  # processes: three sheets take most of the time, and each needs some GB of memory
 _SHARED = (
     "jax_enable_x64",
     "jax_platforms",
@@ -33,12 +33,12 @@ _SHARED = (
 
 
 def make(name: str, quick: bool, file: Path) -> tuple[dict, float]:
-    """One sheet, its picture written to `file`: (numbers, seconds)."""
+    """Make one sheet and write its picture to `file`: (numbers, seconds)."""
     from ..._internal.pictures import write_picture
     from . import FIGURES
 
     start, before = time.perf_counter(), jax.config.read("jax_disable_most_optimizations")
-    if quick:  # small problems: compiling takes longer than running
+    if quick:  # in small problems compiling takes longer than running
         jax.config.update("jax_disable_most_optimizations", True)
     try:
         numbers, figure = FIGURES[name].make(quick)
@@ -49,17 +49,16 @@ def make(name: str, quick: bool, file: Path) -> tuple[dict, float]:
 
 
 def processes(jobs: int) -> int:
-    """How many to use: one for each job and core, and no more than MOST; one alone on an accelerator, whose memory the
-    first process has."""
+    """One process for each job and core, at most MOST; one on an accelerator, because it holds all the memory."""
     return max(1, min(jobs, cores(), MOST)) if jax.default_backend() == "cpu" else 1
 
 
 def each(work: Callable, jobs: dict[str, tuple], count: int) -> Generator[tuple[str, Any], None, None]:
-    """(name, work(*arguments)) of every job, as they are finished, by `count` processes; one: here, in their order.
+    """Yield (name, work(*arguments)) of every job as it finishes, by `count` processes; with count 1 here, in order.
 
     Arguments: work: a function that can be pickled, when count > 1; jobs: name → its arguments. Raises: what `work`
-    raises, and ChildProcessError when a process ends without an answer. Whatever ends the loop over the answers
-    ends the processes: close the iterator.
+    raises, and ChildProcessError when a process ends without a result. If the loop over the results stops early, close
+    the iterator: this ends the processes.
     """
     if count == 1:
         yield from ((name, work(*arguments)) for name, arguments in jobs.items())
@@ -73,7 +72,7 @@ def each(work: Callable, jobs: dict[str, tuple], count: int) -> Generator[tuple[
         try:
             end.send(jobs[busy[end]])
         except OSError:
-            pass  # its process has ended: the answer will say so
+            pass  # the process has ended; reading its answer reports that
 
     try:
         for end in _start(work, count, started):
@@ -103,13 +102,13 @@ def each(work: Callable, jobs: dict[str, tuple], count: int) -> Generator[tuple[
 
 
 _ENDED = (
-    "the process that made {0} ended without a result; was there memory enough? Run again: what is finished stays, and"
-    " --figure {0} makes it alone"
+    "the process that made {0} ended without a result, perhaps for lack of memory. Run again: finished figures are"
+    " kept, and --figure {0} makes this one alone"
 )
 
 
 def _start(work: Callable, count: int, started: list) -> list:
-    """Start processes, adding each to `started`; our ends of their pipes."""
+    """Start processes, adding each to `started`. Return this end of each pipe."""
     spawn = multiprocessing.get_context("spawn")
     ends = []
     with _as_it_is_born():
@@ -118,15 +117,18 @@ def _start(work: Callable, count: int, started: list) -> list:
             process = spawn.Process(target=_serve, args=(there, work), daemon=True)
             process.start()
             started.append(process)
-            there.close()  # the process has it alone, so that its end is seen
+            there.close()  # only the process holds this end, so that its death closes the pipe
             ends.append(here)
     return ends
 
 
 @contextmanager
 def _as_it_is_born() -> Iterator[None]:
-    """What a process started here inherits: JAX's settings, in the environment, for modules hold constants of the
-    precision that is set when they are imported; and deaf ears for interrupts, which are for the first process."""
+    """Set what a process started here inherits.
+
+    JAX's settings go through the environment, because modules hold constants of the precision that is set when they are
+    imported. Interrupts are ignored, because the first process handles them.
+    """
     settings = {name.upper(): str(value) for name in _SHARED if (value := getattr(jax.config, name)) is not None}
     kept = {name: os.environ.get(name) for name in settings}
     main = threading.current_thread() is threading.main_thread()
@@ -145,7 +147,7 @@ def _as_it_is_born() -> Iterator[None]:
 
 
 def _serve(end: Any, work: Callable) -> None:
-    """One process: jobs in, (True, answer) or (False, error) out, until it is ended or the first process is gone."""
+    """Serve jobs in one process, answering (True, result) or (False, error), until it or the first process ends."""
     while True:
         try:
             arguments = end.recv()
@@ -159,7 +161,7 @@ def _serve(end: Any, work: Callable) -> None:
 
 
 def _portable(error: Exception) -> Exception:
-    """The error with its traceback as a note, as itself if that survives pickling."""
+    """The error, or a RuntimeError with its words if it cannot be pickled, with its traceback as a note."""
     said = traceback.format_exc()
     try:
         error = pickle.loads(pickle.dumps(error))

@@ -1,7 +1,7 @@
-"""The paper's stability maps over (m, a) under hydrostatic load, N = 3, and what the symbol makes of them.
+"""The stability maps of the paper over (m, a) under a hydrostatic load, N = 3, compared with the symbol.
 
-Beside the maps: which sides fail at once on several lattices, whether m = 0 is safe, which orders hold on which side,
-what a stabiliser does, and where the classical law itself fails.
+Further numbers: which sides are unstable at once on several lattices; whether m = 0 is stable; which orders are stable
+on which side; the effect of a stabiliser; the critical load of the classical law itself.
 """
 
 import jax.numpy as jnp
@@ -21,7 +21,7 @@ N = 3
 
 
 def sweep(dim: int, law, quick: bool) -> pd.StabilityMap:
-    """The map; an even count of orders and loads leaves m = 0 and a = 0 out."""
+    """The map. An even number of orders and loads avoids m = 0 and a = 0."""
     count = 40 if quick else 200
     lines = ("diagonal",) if quick else ("diagonal", "affine", "local")
     orders, loads = np.linspace(-2, 2, count), np.linspace(-0.3, 0.3, count)
@@ -29,14 +29,14 @@ def sweep(dim: int, law, quick: bool) -> pd.StabilityMap:
 
 
 def law_fails(m: float, far: float) -> float:
-    """Where the classical law ψ(E_m) loses its ellipticity between rest and `far`, 2D."""
+    """The load between rest and `far` at which the classical law ψ(E_m) loses its ellipticity, 2D."""
     family, model = pd.lattice_family(2, N), of_order(m, LAW)
     margin = lambda a: float(pd.stability(model, family, (1 + a) * np.eye(2), "local").margin)  # noqa: E731
     return brentq(margin, 0.0, far, xtol=1e-9)
 
 
 def beyond_hydrostatic(quick: bool) -> dict:
-    """What the discussion rests on: m = 0 in 3D, the classical law's own limit, a stabiliser, orders by side."""
+    """Numbers for the discussion: m = 0 in 3D, the classical law, a stabiliser, the stable orders by side."""
     plane, penalised = pd.lattice_family(2, N), of_order(1.0, LAW, pd.SillingControl(jnp.asarray(0.5)))
     found = {
         "the law itself, m = 1": law_fails(1.0, -0.3),
@@ -49,16 +49,17 @@ def beyond_hydrostatic(quick: bool) -> dict:
             for side in ("negative", "positive")
         },
     }
-    if not quick:  # a fine zone in 3D: minutes
+    if not quick:  # the fine Brillouin zone in 3D takes minutes
         space = pd.lattice_family(3, N)
         found["tension, m = 0, 3D"] = float(pd.critical_load(of_order(0.0, LAW), space, side="positive"))
     return found
 
 
 def printed_2d(found: pd.StabilityMap) -> dict[str, dict[str, float]]:
-    """The printed 2D criterion over the map, its inequality turned round, against the diagonal by autodiff, for both
-    laws that fit the paper's S = κE and for λ = μ = 1: the share of states it is wrong about, and how far the corrected
-    formula is off.
+    """Compare the printed 2D criterion over the map, with its inequality reversed, with the diagonal by autodiff.
+
+    This is done for the two laws with the paper's S = κE and for λ = μ = 1. The result is the share of states for which
+    the criterion is wrong, and the relative error of the corrected formula.
     """
     orders, loads = found.line_m, found.line_a
     m, a = orders[:, None], loads[None, :]
@@ -76,7 +77,7 @@ def printed_2d(found: pd.StabilityMap) -> dict[str, dict[str, float]]:
 
 
 def shares(found: pd.StabilityMap) -> dict[str, float]:
-    """How much of a map is unstable, by the symbol and by the diagonal, and on which side of the order m."""
+    """Share of a map that is unstable, by the symbol and by the diagonal, and on which side of the order m."""
     bad, a, m = found.verdict == "unstable", found.a[None, :], found.m[:, None]
     seen = found.lines["diagonal"] > 0
     return {
@@ -93,7 +94,7 @@ def make_1d(quick: bool) -> tuple[dict, Figure]:
     """The sheet `maps-1d`."""
     found = sweep(1, LINE, quick)
     m, a = found.line_m[:, None], found.line_a[None, :]
-    exact = 2 * found.lines["diagonal"]  # the margin is ∂f/∂x over 2M/h², and here M = h = 1
+    exact = 2 * found.lines["diagonal"]  # the margin is ∂f/∂x over 2M/h², with M = h = 1
     printed = np.asarray(cf.diagonal_1d(a, m, N, stress=seth_hill(np.log1p(a), m), tangent=1.0))
     horizons = (1, 2, 3) if quick else (1, 2, 3, 5, 8)
     numbers = {
@@ -129,12 +130,12 @@ def make_2d(quick: bool) -> tuple[dict, Figure]:
         },
         **beyond_hydrostatic(quick),
     }
-    luck = "; printed and exact meet almost, at N = 3 and λ = μ only"
+    luck = "; its printed and exact lines nearly coincide, but only for N = 3 and λ = μ"
     return numbers, _titled(pd.figures.stability_map(found), quick, luck)
 
 
 def _titled(figure: Figure, quick: bool, more: str = "") -> Figure:
-    below = f"left what the exact Jacobian says, right what the paper's diagonal says{more}"
+    below = f"left: exact Jacobian; right: diagonal of the paper{more}"
     figure.suptitle(f"{figure.get_suptitle()}\n{below}{sizes(quick)}", fontsize=11)
     return figure
 
@@ -146,14 +147,17 @@ def map_1d(n: dict) -> Found:
     """Fig. 2."""
     gap = n["printed diagonal from autodiff"]
     share, exact = n["unstable by the diagonal"], n["unstable"]
-    return f"right, to {gap:.0e}; it sees {share:.0%} of the map unstable, the symbol {exact:.0%}", judge(gap < 1e-12)
+    ours = (
+        f"agrees with autodiff to {gap:.0e}; the diagonal calls {share:.0%} of the map unstable, the symbol {exact:.0%}"
+    )
+    return ours, judge(gap < 1e-12)
 
 
 def sides_1d(n: dict) -> Found:
-    """Section 4.1: the sides are right, the edge is rest itself."""
+    """Section 4.1: the sides are right, but the instability begins at rest."""
     right_sides = n["unstable in tension above m = 1/2"] == 0 == n["unstable in compression below m = 1/2"]
     all_of_them = n["stable in compression above m = 1/2"] == 0 == n["stable in tension below m = 1/2"]
-    return "on those sides, at once: every state of them is unstable", judge(
+    return "the sides are right, but every state on them is unstable: there a_cr = 0", judge(
         right_sides and not all_of_them, all_of_them
     )
 
@@ -166,18 +170,21 @@ def map_2d(n: dict) -> Found:
     shares = {name: f"{100 * share:.2g} %" for name, share in wrong.items()}
     said = " and ".join(f"{shares[name]} of the states for {law}" for name, law in words.items())
     ours = (
-        f"wrong about {said}; for λ = μ = 1, which is neither, {shares['λ = μ = 1']}, and there the diagonal sees"
-        f" {100 * n['unstable by the diagonal']:.0f} % of the map unstable, the symbol {100 * n['unstable']:.0f} %"
+        f"wrong about {said}. For λ = μ = 1, which is neither law, it is wrong about {shares['λ = μ = 1']}; there the"
+        f" diagonal calls {100 * n['unstable by the diagonal']:.0f} % of the map unstable, the symbol"
+        f" {100 * n['unstable']:.0f} %"
     )
     return ours, judge(any(wrong[name] == 0 for name in words), exact)
 
 
 def slightest(n: dict) -> Found:
-    """Remark 3: true of every lattice already."""
+    """Remark 3: it is true of every lattice too."""
     once = n["fails at once [compression, tension]"]
     holds = all(c and not t for c, t in once["m = 1"].values()) and all(t and not c for c, t in once["m = 0"].values())
     lattices = ", ".join(map(str, once["m = 1"]))
-    return f"of every lattice already: 0 in compression for m = 1, in tension for m = 0, N = {lattices}", judge(holds)
+    return f"true of every lattice too: a_cr = 0 in compression for m = 1, in tension for m = 0, N = {lattices}", judge(
+        holds
+    )
 
 
 def discretisation(n: dict) -> Found:
@@ -185,7 +192,7 @@ def discretisation(n: dict) -> Found:
     once = n["fails at once [compression, tension]"]
     one = {N: c for N, (c, _) in once["m = 1"].items()}
     some_side = all(c or t for cases in once.values() for c, t in cases.values())
-    ours = f"of the diagonal; the symbol fails at once, in {'; '.join(N for N, yes in one.items() if yes)}"
+    ours = f"true of the diagonal; by the symbol a_cr = 0 in {'; '.join(N for N, yes in one.items() if yes)}"
     return ours, judge(not some_side, some_side)
 
 
@@ -200,7 +207,7 @@ def logarithmic(n: dict) -> Found:
         fails = [w for w, yes in (("compression", c), (tension, t or lattice == "3D, N = 3")) if yes]
         words.append(f"{lattice}: {' and '.join(fails)}")
     own = percent(n["diagonal, m = 0, 3D"])
-    return f"unstable: {'; '.join(words)}, where even the diagonal fails at {own}", judge(
+    return f"unstable: {'; '.join(words)}; there even the diagonal is unstable from {own}", judge(
         not any(c or t for c, t in once.values())
     )
 
@@ -209,7 +216,7 @@ def source(n: dict) -> Found:
     """Section 6.3."""
     down, up = n["the law itself, m = 1"], n["the law itself, m = −1"]
     lattice = n["fails at once [compression, tension]"]["m = 1"]["2D, N = 3"][0]
-    ours = f"2D hydrostatic: m = 1 at {percent(down)}, m = −1 at {percent(up)}; the lattice, m = 1, at 0"
+    ours = f"2D hydrostatic: the law of m = 1 at {percent(down)}, of m = −1 at {percent(up)}; the lattice of m = 1 at 0"
     return ours, judge(lattice and -0.3 < down < -0.1 and 0.1 < up < 0.3)
 
 
@@ -217,16 +224,17 @@ def stabilised(n: dict) -> Found:
     """Section 6.2."""
     with_penalty, own = n["with Silling's penalty, m = 1"], n["the law itself, m = 1"]
     held = all(word == "stable" for word in with_penalty.values())
-    ours = f"Silling's penalty (g = ½) holds m = 1 at −18 %, where the law itself fails at {percent(own)}"
-    return ours if held else "Silling's penalty (g = ½) does not hold m = 1 at −18 %", judge(not held)
+    ours = f"Silling's penalty (g = ½) keeps m = 1 stable at −18 %; the law itself is unstable from {percent(own)}"
+    return ours if held else "Silling's penalty (g = ½) does not keep m = 1 stable at −18 %", judge(not held)
 
 
 def switch(n: dict) -> Found:
-    """Section 6.2: works under hydrostatic load alone."""
+    """Section 6.2: it works under a hydrostatic load only."""
     orders = n["orders that bear uniaxial stress"]
     low, high = n["compression holds below, tension above m ="]["2D, N = 3"]
     none = np.isnan(orders["negative"]).all()
-    ours = f"m < {low:.3f} and m > {high:.3f} do under hydrostatic load; no order bears uniaxial compression".replace(
-        "-", "−"
-    )
-    return ours if none else "some order bears uniaxial compression", judge(bool(none))
+    ours = (
+        f"hydrostatic: m < {low:.3f} is stable in compression, m > {high:.3f} in tension; under uniaxial stress no"
+        " order is stable in compression"
+    ).replace("-", "−")
+    return ours if none else "some order is stable in uniaxial compression", judge(bool(none))

@@ -1,4 +1,4 @@
-"""The results of the paper's figures: `paper.json`, kept up to date figure by figure, and `paper.md`, its tables.
+"""The results of the figures of the paper: `paper.json`, updated after each figure, and `paper.md`, its tables.
 
 figures   name → file, seconds, quick, numbers of the sheet
 claims    one row each: key, claim, where, paper, ours, verdict, command, figure, question, test
@@ -17,19 +17,19 @@ from ...figures import table
 from .claims import CLAIMS
 
 _HEAD = ("claim", "where", "paper", "ours", "verdict", "command that shows it")
-MARKS = ("<!-- paper:begin -->", "<!-- paper:end -->")  # of the tables in the README
+MARKS = ("<!-- paper:begin -->", "<!-- paper:end -->")  # around the tables in a README
 
 
 VERSION = importlib.metadata.version("pdjax")
 
 
 def picture(out: Path, name: str) -> Path:
-    """Where the picture of a sheet lies."""
+    """Path of the picture of a sheet."""
     return out / f"paper-{name}.png"
 
 
 def read(out: Path, quick: bool) -> dict:
-    """What an earlier run left in the directory, or a fresh start; ValueError if it was of other sizes."""
+    """The results of an earlier run in the directory, or empty ones. ValueError if that run had other sizes."""
     file = out / "paper.json"
     fresh = {"quick": quick, "machine": _machine(), "figures": {}, "claims": []}
     if not file.exists():
@@ -47,7 +47,7 @@ def read(out: Path, quick: bool) -> dict:
 
 
 def finished(found: dict, out: Path, name: str) -> bool:
-    """Whether a sheet is there with all its claims, made by this version."""
+    """Whether a sheet is complete with all its claims, made by this version."""
     mine = [row["key"] for row in found["claims"] if row["figure"] == name]
     wanted = [claim.key for claim in CLAIMS if claim.figure == name]
     made = found["figures"].get(name, {}).get("version")
@@ -55,7 +55,7 @@ def finished(found: dict, out: Path, name: str) -> bool:
 
 
 def keep(found: dict, name: str, record: dict, numbers: dict) -> None:
-    """Put a finished sheet and the rows of its claims among the results, in the order of the table."""
+    """Add a finished sheet and the rows of its claims to the results, in the order of the table."""
     rows = {row["key"]: row for row in found["claims"]}
     rows |= {claim.key: claim.row(numbers) for claim in CLAIMS if claim.figure == name}
     figures = {**found["figures"], name: {**record, "version": VERSION, "numbers": plain(numbers)}}
@@ -65,7 +65,7 @@ def keep(found: dict, name: str, record: dict, numbers: dict) -> None:
 
 
 def write(found: dict, out: Path) -> None:
-    """Both files, each whole or not there."""
+    """Write both files. Each is written completely or not at all."""
     with written_whole(out / "paper.json") as stream:
         stream.write((json.dumps(found, ensure_ascii=False, indent=1) + "\n").encode())
     with written_whole(out / "paper.md") as stream:
@@ -73,44 +73,44 @@ def write(found: dict, out: Path) -> None:
 
 
 def markdown(found: dict) -> str:
-    """The table of claims in Markdown, as it stands in a README: from the results alone."""
+    """The table of all claims in Markdown, from the results."""
     return table(_HEAD, _cells(found["claims"], "claim", "where", "paper", "ours", "verdict", "command"))
 
 
 def verdicts(figure: str, numbers: dict, leave: tuple[str, ...] = ()) -> str:
-    """What became of the claims that the numbers of a sheet decide, but those whose keys are in `leave`: a table."""
+    """A table of the claims that the numbers of a sheet decide, without those whose keys are in `leave`."""
     rows = [claim.row(numbers) for claim in CLAIMS if claim.figure == figure and claim.key not in leave]
     head = ("claim", "where", "paper", "ours", "verdict")
     return table(head, _cells(rows, *head))
 
 
 def refuted(found: dict) -> str:
-    """The claims that don't hold, in short."""
+    """A short table of the refuted claims."""
     rows = [row for row in found["claims"] if row["verdict"] == "refuted"]
     return table(("refuted", "paper", "exact"), _cells(rows, "claim", "paper", "ours"))
 
 
 def in_readme(found: dict) -> str:
-    """What stands between the marks: how many claims have which verdict, those refuted, and all of them to unfold."""
+    """The text between the marks: the number of claims by verdict, the refuted ones, and all of them to unfold."""
     total = f"{len(found['claims'])} claims: {counts(found)}."
-    everything = f"<details><summary>Every claim that was tried</summary>\n\n{markdown(found)}\n\n</details>"
+    everything = f"<details><summary>All tested claims</summary>\n\n{markdown(found)}\n\n</details>"
     return f"{total}\n\n{refuted(found)}\n\n{everything}"
 
 
 def questions(found: dict) -> str:
-    """The steps of the derivation and what was open, each with its answer and the test that holds it."""
+    """The steps of the derivation and the open conclusions, each with its answer and the test that checks it."""
     rows = [row for row in found["claims"] if row["question"]]
-    head = ("question", "answer", "the paper's statement is", "held by")
+    head = ("question", "answer", "the paper's statement is", "tested by")
     return table(head, _cells(rows, "question", "ours", "verdict", "test"))
 
 
 def document(found: dict) -> str:
-    """paper.md."""
+    """The text of paper.md."""
     size = "a --quick run, reduced sizes" if found["quick"] else "full sizes"
     pictures = "\n".join(f"![{name}]({record['file']})" for name, record in found["figures"].items())
     return (
         f"# The paper, claim by claim ({size})\n\n{markdown(found)}\n\n"
-        f"## Steps of the derivation, and what was open\n\n{questions(found)}\n\n## Figures\n\n{pictures}\n"
+        f"## Steps of the derivation and open conclusions\n\n{questions(found)}\n\n## Figures\n\n{pictures}\n"
     )
 
 
@@ -121,13 +121,13 @@ def _cells(rows: list[dict], *parts: str) -> list[list[str]]:
 
 
 def counts(found: dict) -> str:
-    """How many claims have which verdict."""
+    """The number of claims with each verdict, in words."""
     words = [row["verdict"] for row in found["claims"]]
     return ", ".join(f"{words.count(word)} {word}" for word in dict.fromkeys(words))
 
 
 def plain(value):
-    """Numbers as JSON has them: infinity and NaN become words."""
+    """Numbers as JSON can hold them: infinity and NaN become words."""
     if isinstance(value, dict):
         return {str(k): plain(v) for k, v in value.items()}
     if isinstance(value, list | tuple):

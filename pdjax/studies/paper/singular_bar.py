@@ -1,8 +1,8 @@
-"""The singular bar, four panels for the paper's model of order m = 1 and four for Silling's, and the verdict of each.
+"""The singular bar: four panels for the model of order m = 1 and for Silling's model, with the verdict of each.
 
-The bar's modulus falls to zero just beyond its middle. Beside displacement and strain: the eigenvector of the largest
-eigenvalue of the bar's own Jacobian at the solution found. The paper gives no number of points; the numbers hold how
-the verdict depends on it.
+The modulus of the bar drops to zero just beyond its middle. The figure shows displacement, strain, and the eigenvector
+of the largest eigenvalue of the bar's Jacobian at the solution. The paper does not give the number of points. The
+numbers show how the verdict depends on it.
 """
 
 from itertools import pairwise
@@ -22,12 +22,12 @@ MODELS = {"m = 1": of_order(1.0, BAR_LAW), "Silling": pd.Correspondence(BAR_LAW)
 
 
 def alternation(u: np.ndarray, known: np.ndarray) -> float:
-    """‖¼ δ²(u − u_known)‖ / ‖u_known‖, δ² the second difference: a pure zigzag counts by its size."""
+    """‖¼ δ²(u − u_known)‖ / ‖u_known‖ with the second difference δ²; an alternation ±ε counts with its size ε."""
     return float(np.linalg.norm(np.diff(u - known, 2) / 4) / np.linalg.norm(known))
 
 
 def solve(name: str, side: str, n: int):
-    """One bar by Newton in one load step: (its column of a figure, its numbers)."""
+    """Solve one bar by Newton in one load step: (its column of the figure, its numbers)."""
     stress = STRESSES[side]
     scene = pd.scenes.singular_bar(n, N, stress, model=MODELS[name])
     curves = singular_curves(scene, stress)
@@ -60,7 +60,7 @@ def make(quick: bool) -> tuple[dict, Figure]:
             numbers[f"{name}, {side}"] = rows
     count, error = np.log([[row["n"], row["distance"]] for row in numbers["m = 1, tension"]]).T
     numbers["order of convergence, m = 1, tension"] = float(-np.polyfit(count, error, 1)[0])
-    title = f"Singular bar, {drawn} points, N = {N}: what was found, and the mode that decides{sizes(quick)}"
+    title = f"Singular bar, {drawn} points, N = {N}: solution, and mode of the largest eigenvalue{sizes(quick)}"
     return numbers, pd.figures.bars(list(cases.values()), title, ("E₀ u / (σ L)  [–]", "E₀ ε / σ  [–]"))
 
 
@@ -71,15 +71,15 @@ def bar_tension(n: dict) -> Found:
     """Section 5.1."""
     rows = n["m = 1, tension"]
     best, order = rows[-1], n["order of convergence, m = 1, tension"]
-    ours = f"a {best['kind']}; {best['distance']:.1%} off at {best['n']} points, falling as n^−{order:.2f}"
+    ours = f"a {best['kind']}; the error is {best['distance']:.1%} at {best['n']} points and falls as n^−{order:.2f}"
     falls = all(a["distance"] > b["distance"] for a, b in pairwise(rows))
     return ours, judge(all(r["kind"] == "minimum" for r in rows) and falls)
 
 
 def bar_form(n: dict) -> Found:
-    """Section 5.1: the local solution of the model's own law is nonlinear."""
+    """Section 5.1: the local solution of the model's law is nonlinear."""
     gap = n["m = 1, tension"][-1]["printed from local"]
-    ours = f"the nonlinear local solution, which the bar tends to, is {gap:.1%} from it"
+    ours = f"it is {gap:.1%} from the nonlinear local solution, to which the bar converges"
     return ours, judge(gap < 0.01, n["m = 1, tension"][-1]["distance"] < n["m = 1, tension"][-1]["from printed"])
 
 
@@ -89,7 +89,7 @@ def bar_compression(n: dict) -> Found:
     saddles = [r["n"] for r in rows if r["kind"] == "saddle"]
     minima = [r["n"] for r in rows if r["kind"] == "minimum"]
     ours = (
-        f"a saddle from {min(saddles)} points on; up to {max(minima)} a minimum that alternates"
+        f"a saddle from {min(saddles)} points on; up to {max(minima)} points a minimum that alternates"
         if saddles
         else "a minimum"
     )
@@ -99,12 +99,12 @@ def bar_compression(n: dict) -> Found:
 def bar_points(n: dict) -> Found:
     """Section 5.1."""
     rows = n["m = 1, compression"]
-    return "which it is depends on it: " + ", ".join(f"{r['n']}: {r['kind']}" for r in rows), OPEN
+    return "the answer depends on it: " + ", ".join(f"{r['n']}: {r['kind']}" for r in rows), OPEN
 
 
 def bar_silling(n: dict) -> Found:
-    """Section 5.1: alternates, and is no saddle."""
+    """Section 5.1: the displacement alternates, but the state is not a saddle."""
     rows = [*n["Silling, tension"], *n["Silling, compression"]]
     positive, least = max(r["positive"] for r in rows), min(r["alternation"] for r in rows)
-    ours = f"no positive eigenvalue, so no instability; alternates all the same ({least:.0%} of u and more)"
+    ours = f"no positive eigenvalue, so it is not unstable; yet u alternates (by {least:.0%} of u or more)"
     return ours, judge(positive > 0, positive == 0 and least > 0.01)

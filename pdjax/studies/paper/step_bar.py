@@ -1,8 +1,9 @@
-"""The step-size bar: is the load step too large, or is the state a saddle? The clamped bar's strain against its points.
+"""The step-size bar: is the load step too large, or is the state a saddle? And its critical strain against its points.
 
-Three panels as in the paper (+100 %, −0.01 %, −0.1 % at once, m = 1, N = 3), the mode that decides below each, and
-beside them the strain at which the homogeneous state of such a bar loses its stability, by its exact spectrum. That
-falls as n⁻² for odd N and n⁻⁶ for even N: the symbol's limit, 0, is where it goes; the diagonal's −7.4 % has no part.
+Three panels as in the paper (+100 %, −0.01 %, −0.1 % in one step, m = 1, N = 3) have the mode of the largest eigenvalue
+below. Beside them is the strain at which the homogeneous state of such a bar loses its stability, by its exact
+spectrum. That strain falls as n⁻² for odd N and as n⁻⁶ for even N. Its limit is 0, as the symbol predicts, and not the
+−7.4 % of the diagonal.
 """
 
 from typing import Any
@@ -31,7 +32,7 @@ METHODS = (
 
 
 def critical(N: int, points: tuple[int, ...]) -> list[dict]:
-    """Critical strains over n; stops where rounding takes over."""
+    """Critical strains against the number of points, as long as they are larger than rounding."""
     rows = []
     for n in points:
         free = n - 4 * N
@@ -47,13 +48,13 @@ def critical(N: int, points: tuple[int, ...]) -> list[dict]:
 
 
 def slope(rows: list[dict]) -> float:
-    """Exponent of the free points, fitted over the longer half of the bars, two at least."""
+    """Exponent of the number of free points, fitted over the longer half of the bars (at least two)."""
     half = rows[min(len(rows) // 2, len(rows) - 2) :]
     return float(np.polyfit(np.log([r["free"] for r in half]), np.log([-r["strain"] for r in half]), 1)[0])
 
 
 def outcomes(methods=METHODS) -> tuple[list, list[dict]]:
-    """What each method finds at the paper's strains: columns of a figure (Newton's), and rows."""
+    """Results of each method at the strains of the paper: columns of a figure (of Newton's method), and rows."""
     cases, rows = [], []
     for strain in STRAINS:
         scene = pd.scenes.step_size_bar(POINTS, N, strain)
@@ -91,15 +92,15 @@ def make(quick: bool) -> tuple[dict, Figure]:
     figure = Figure(figsize=(15.4, 7.2), layout="constrained")
     parts: Any = figure.subfigures(1, 2, width_ratios=(10.2, 5.2))
     left, right = parts
-    title = f"Ends displaced at once: {POINTS} points, N = {N}, m = 1, Newton in one step"
+    title = f"Ends displaced in one step: {POINTS} points, N = {N}, m = 1, Newton's method"
     pd.figures.bars(cases, title, ("u / (strain · L)  [–]", "ε / strain  [–]"), left)
     draw_critical(right, curves, numbers["diagonal"])
-    right.suptitle(f"What the bar's own Jacobian allows{sizes(quick)}", fontsize=11)
+    right.suptitle(f"Critical strain of the bar by its Jacobian{sizes(quick)}", fontsize=11)
     return numbers, figure
 
 
 def draw_critical(on: SubFigure | Figure, curves: dict[int, list[dict]], diagonal: float) -> None:
-    """Critical compression of clamped bars over their free points: dots exact, lines the leading-order law."""
+    """Draw the critical compression of clamped bars over their free points, exact (dots) and leading order (lines)."""
     axes = on.subplots()
     for n, rows in curves.items():
         free = [r["free"] for r in rows]
@@ -112,10 +113,10 @@ def draw_critical(on: SubFigure | Figure, curves: dict[int, list[dict]], diagona
     for strain in STRAINS[1:]:
         axes.axhline(-strain, color="#888888", linewidth=0.8, linestyle=":")
         axes.text(end, -strain * 1.2, f"the paper's {percent(strain)}", ha="right", fontsize=9)
-    axes.xaxis.set_minor_formatter(NullFormatter())  # its labels overlap
+    axes.xaxis.set_minor_formatter(NullFormatter())  # the minor labels would overlap
     axes.set_xlabel("free points between the clamps  [–]")
     axes.set_ylabel("critical compression of the clamped bar  [–]")
-    axes.set_title("dots: exact spectrum; lines: leading-order law; symbol (n → ∞): 0", fontsize=9)
+    axes.set_title("dots: exact spectrum; lines: leading order; symbol (n → ∞): 0", fontsize=9)
     axes.legend(frameon=False, fontsize=9, loc="lower left")
 
 
@@ -136,9 +137,10 @@ def step_size(n: dict) -> Found:
     exact, far = at[-1e-4], at[-1e-3]
     fifth = next(r for r in n["outcomes"] if r["strain"] == -1e-3 and r["method"] == "newton, steps of a fifth")
     ours = (
-        f"the state itself is a {exact['homogeneous']} ({exact['its positive']} positive at −0.01 %,"
-        f" {far['its positive']} at −0.1 %); Newton finds that {exact['kind']}, then an alternating {far['kind']};"
-        f" in steps of a fifth a {fifth['kind']}, {fifth['distance']:.0e} from the homogeneous state"
+        f"the homogeneous state itself is a {exact['homogeneous']} (positive eigenvalues: {exact['its positive']} at"
+        f" −0.01 %, {far['its positive']} at −0.1 %). Newton finds a {exact['kind']} at −0.01 %, an alternating"
+        f" {far['kind']} at −0.1 %, and, in steps of a fifth, a {fifth['kind']}, {fifth['distance']:.0e} from"
+        " the homogeneous state"
     )
     return ours, judge(all(r["homogeneous"] == "minimum" for r in at.values()), fifth["distance"] < 1e-6)
 
@@ -147,5 +149,5 @@ def step_region(n: dict) -> Found:
     """Section 5.2."""
     own, slopes = n["own critical strain, n = 100"], n["exponents"]
     words = " and ".join(f"n^{slopes[N]:.1f} (N = {N})".replace("-", "−") for N in (3, 2))
-    ours = f"100 points: to {100 * own:.4f} %; with more it falls as {words}".replace("-", "−")
+    ours = f"100 points: down to {100 * own:.4f} %; with more points this limit falls as {words}".replace("-", "−")
     return ours, judge(own < 0.9 * n["diagonal"])
