@@ -81,7 +81,28 @@ def brillouin_zone(dim: int, intervals: int, symmetry: str = "inversion") -> Zon
 
 
 def half_reciprocal_points(dim: int) -> np.ndarray:
-    """The (2^dim − 1, dim) wave vectors with components 0 or π, not all 0, in units of 1/spacing."""
+    """List the wave vectors of the Brillouin zone whose components are 0 or π/h, without k = 0.
+
+    Parameters
+    ----------
+    dim : int
+        Dimension: 1, 2 or 3.
+
+    Returns
+    -------
+    array, shape (2^dim − 1, dim)
+        Wave vectors times the spacing h [-].
+
+    Raises
+    ------
+    ValueError
+        If `dim` is not 1, 2 or 3.
+
+    Examples
+    --------
+    >>> (pd.closed_forms.half_reciprocal_points(2) / np.pi).tolist()
+    [[0.0, 1.0], [1.0, 0.0], [1.0, 1.0]]
+    """
     if dim not in (1, 2, 3):
         raise ValueError(f"dim must be 1, 2 or 3; got {dim!r}")
     corners = np.stack(np.meshgrid(*[(0.0, np.pi)] * dim, indexing="ij"), axis=-1)

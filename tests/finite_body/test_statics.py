@@ -153,7 +153,11 @@ def test_a_load_beyond_the_limit_point_is_not_carried(step):
     assert not found.converged
     factor = float(found.load_factor)
     assert 0.7 < factor < 2 / np.e
-    assert "from load factor" in found.reason and found.ending != SolveEnding.CONVERGED and found.ending.reason in found.reason
+    assert (
+        "from load factor" in found.reason
+        and found.ending != SolveEnding.CONVERGED
+        and found.ending.reason in found.reason
+    )
     assert "not converged" in str(found)
     assert abs(float(found.u[1, 0]) / hencky_pull(factor) - 1) < 1e-7  # measured 3e-15
     assert found.kind == "minimum" and found.stability.positive == 0

@@ -97,9 +97,7 @@ def test_public_names_are_documented_where_they_are_imported_from():
             assert value.__doc__, name
 
 
-@pytest.mark.parametrize(
-    ("old", "new"), [("maps", "infinite_lattice.maps"), ("paper", "studies.paper")]
-)
+@pytest.mark.parametrize(("old", "new"), [("maps", "infinite_lattice.maps"), ("paper", "studies.paper")])
 def test_a_module_that_has_moved_says_where_it_is(old, new):
     with pytest.raises(ModuleNotFoundError, match=f"its content is now in pdjax.{new}"):
         importlib.import_module(f"pdjax.{old}")
