@@ -5,7 +5,7 @@ critical loads, the equilibria and motions of whole bodies, and the derivatives 
 
     points and families   lattice, bar, plate, cuboid, cloud, lattice_family, families, neighbour_report, cut
     models and laws       SethHill, Correspondence, BondBased, LPS, ..., LinearElastic, NeoHookean, EnergyLaw
-    forces and fields     force_density, force_operator, force_state, strain, stress, cauchy_stress, von_mises, dilatation
+    forces and fields     force_density, force_operator, force_state, strain, stress, von_mises, dilatation
     exact Jacobian        jvp, jacobian, center_block, symbol
     infinite lattice      stability, critical_load, stability_map, dispersion, model_atlas, cell_stability
     conditions            prescribe, body_force, total_force, homogeneous_traction, scene, motion, scenes
@@ -23,6 +23,7 @@ import importlib as _importlib
 
 from . import scenes as scenes
 from ._internal import moved as _moved
+from ._internal import version as _version
 from ._internal import xla as _xla
 from ._internal.compilation_cache import use_compilation_cache as use_compilation_cache
 from .bench.advice import advise as advise
@@ -372,7 +373,7 @@ from .studies import closed_forms as closed_forms
 from .tangent.jacobian import jacobian as jacobian
 from .tangent.jacobian import jvp as jvp
 
-__version__ = "0.1.0"
+__version__ = _version.VERSION
 Family = LatticeFamily
 
 _xla.set_flag()

@@ -28,6 +28,7 @@ import numpy as np
 
 from .._internal.checks import written_whole
 from .._internal.json_values import plain
+from .._internal.version import VERSION
 
 try:
     from jax import enable_x64
@@ -73,7 +74,7 @@ def machine() -> dict:
         cores = sum(line.startswith("processor") for line in lines)
     except (OSError, StopIteration):
         pass
-    versions = {name: version(name) for name in ("pdjax", "jax", "numpy", "scipy", "diffrax")}
+    versions = {"pdjax": VERSION} | {name: version(name) for name in ("jax", "numpy", "scipy", "diffrax")}
     return {
         "cpu": cpu,
         "cores": cores,

@@ -15,6 +15,8 @@ import pdjax as pd
 from pdjax.cli import main, parser
 from pdjax.studies.paper import results
 
+# Around the claims table in benchmarks/README.md.
+MARKS = ("<!-- paper:begin -->", "<!-- paper:end -->")
 ROOT = Path(__file__).parents[2]
 README, STUDIES = ROOT / "README.md", ROOT / "benchmarks" / "README.md"
 TEXTS = {file: file.read_text() for file in (README, STUDIES)}
@@ -69,7 +71,7 @@ def several(values, digits=0, scale=100.0):
 
 def with_tables(text):
     """benchmarks/README.md with what benchmarks/results/paper.json says of the claims between its marks."""
-    begin, end = results.MARKS
+    begin, end = MARKS
     assert begin in text and end in text
     found = results.read(ROOT / "benchmarks" / "results", quick=False)
     tables = f"{len(found['claims'])} claims: {results.counts(found)}.\n\n{results.refuted(found)}"

@@ -8,7 +8,6 @@ valid checkpoint. If the disk is full, `save` gives a warning and the old checkp
 """
 
 import hashlib
-import importlib.metadata
 import os
 import re
 import warnings
@@ -21,9 +20,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..._internal.checks import written_whole
+from ..._internal.version import VERSION
 from .verlet import State
-
-VERSION = importlib.metadata.version("pdjax")
 
 
 def fingerprint(program: str, *data: Any) -> str:

@@ -4,7 +4,6 @@ figures   name → file, seconds, quick, numbers of the sheet
 claims    one row each: key, claim, where, paper, ours, verdict, command, figure, question, test
 """
 
-import importlib.metadata
 import json
 import platform
 from pathlib import Path
@@ -13,14 +12,11 @@ import jax
 import numpy as np
 
 from ..._internal.checks import written_whole
+from ..._internal.version import VERSION
 from ...figures import table
 from .claims import CLAIMS
 
 _HEAD = ("claim", "where", "paper", "ours", "verdict", "command that shows it")
-MARKS = ("<!-- paper:begin -->", "<!-- paper:end -->")  # around the tables in a README
-
-
-VERSION = importlib.metadata.version("pdjax")
 
 
 def picture(out: Path, name: str) -> Path:
@@ -88,13 +84,6 @@ def refuted(found: dict) -> str:
     """A short table of the refuted claims."""
     rows = [row for row in found["claims"] if row["verdict"] == "refuted"]
     return table(("refuted", "paper", "exact"), _cells(rows, "claim", "paper", "ours"))
-
-
-def in_readme(found: dict) -> str:
-    """The text between the marks: the number of claims by verdict, the refuted ones, and all of them to unfold."""
-    total = f"{len(found['claims'])} claims: {counts(found)}."
-    everything = f"<details><summary>All tested claims</summary>\n\n{markdown(found)}\n\n</details>"
-    return f"{total}\n\n{refuted(found)}\n\n{everything}"
 
 
 def questions(found: dict) -> str:

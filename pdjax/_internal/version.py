@@ -1,0 +1,3 @@
+"""The version of pdjax."""
+
+VERSION = "0.1.0"
