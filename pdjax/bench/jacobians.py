@@ -75,7 +75,7 @@ def complex_step(force, u, h=1e-30):
 def plan(quick: bool) -> Iterator[Task]:
     """Every method on a plate and on a block."""
     law = LinearElastic(lam=1.0, mu=1.0)  # type: ignore[call-arg, arg-type]
-    model, polynomial = Correspondence(law), WrittenOut(law)  # type: ignore[arg-type]
+    model, polynomial = Correspondence(law), WrittenOut(law)
     for shape, horizon in (((10, 9), 2.01), ((4, 4, 3), 2.01)) if quick else (((24, 23), 3.015), ((9, 8, 7), 2.01)):
         yield from _body(model, polynomial, shape, horizon, STEPS[::3] if quick else STEPS)
 

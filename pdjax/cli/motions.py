@@ -32,7 +32,7 @@ def model(arguments: argparse.Namespace, dim: int) -> Any:
 
     law = pd.LinearElastic(lam=arguments.lam, mu=arguments.mu if dim > 1 else 0.0)  # type: ignore[call-arg, arg-type]
     choice("model", arguments.model, ("seth-hill", "correspondence"))
-    return pd.SethHill(arguments.m, law) if arguments.model == "seth-hill" else pd.Correspondence(law)  # type: ignore
+    return pd.SethHill(arguments.m, law) if arguments.model == "seth-hill" else pd.Correspondence(law)
 
 
 def extras(arguments, name: str) -> dict[str, str]:

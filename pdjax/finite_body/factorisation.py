@@ -234,4 +234,4 @@ def as_operator(apply: Any, size: int) -> Any:
     """The jitted function v ↦ A v as a SciPy linear operator."""
     import scipy.sparse.linalg as sla
 
-    return sla.LinearOperator((size, size), matvec=lambda v: np.asarray(apply(v.reshape(-1))), dtype=float)  # type: ignore
+    return sla.LinearOperator((size, size), matvec=lambda v: np.asarray(apply(v.reshape(-1))), dtype=float)

@@ -111,7 +111,7 @@ def _from_series(
     kappa2 = np.sum((2 / h * np.sin(k * h / 2)) ** 2, axis=-1)
     tolerance = margin_tolerance(family.xi.dtype)  # k and the constants have this precision.
     *found, zero = _branches(k, J, h * slope, states.modulus * kappa2, density, tolerance)
-    return Dispersion(*on_device((*(np.ascontiguousarray(x, family.xi.dtype) for x in found), zero)))  # type: ignore[call-arg]
+    return Dispersion(*on_device((*(np.ascontiguousarray(x, family.xi.dtype) for x in found), zero)))
 
 
 def _waves(k, dim: int, dtype) -> Any:

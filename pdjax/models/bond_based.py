@@ -164,7 +164,7 @@ class BondBased(PointStateModel):
         >>> round(float(model.c), 9)
         12.0
         """
-        fixed = {3: 0.25, "strain": 0.25, "stress": 1 / 3}.get(dim if dim == 3 else plane)  # type: ignore[call-overload]
+        fixed = {3: 0.25, "strain": 0.25, "stress": 1 / 3}.get(dim if dim == 3 else plane)
         if fixed is None:
             raise ValueError(
                 f"from_young needs dim 3, or dim 2 and plane 'strain' or 'stress'; got dim {dim}, plane {plane!r}"

@@ -33,7 +33,7 @@ class _Graded(AbstractModel):
         return self.factor * self.base.energy(bonds)
 
     @property
-    def shape_tensor(self) -> Callable:  # type: ignore[override]
+    def shape_tensor(self) -> Callable:
         return self.base.shape_tensor
 
     def local_energy(self, F: Float[Array, "dim dim"]) -> Float[Array, ""]:
@@ -67,7 +67,7 @@ class GradedState(_Graded, PointStateModel):
 
     @property
     def by_moments(self) -> bool:
-        return self.base.by_moments  # type: ignore[attr-defined]
+        return self.base.by_moments
 
     def bond_force(self, here: Any, there: Any, bond: Bonds) -> Float[Array, " dim"]:
         return self.factor * self.base.bond_force(here, there, bond)  # type: ignore[attr-defined]

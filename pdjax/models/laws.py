@@ -338,7 +338,7 @@ def _log_stretch_across(lam: Array, mu: Array, log_J2: Array) -> Float[Array, ""
     return x
 
 
-class EnergyLaw(Law):  # type: ignore[misc]
+class EnergyLaw(Law):
     """Material law from a user's energy function.
 
     pdjax computes the stress by automatic differentiation. Energy and stress should be zero in the undeformed state.
@@ -373,10 +373,10 @@ class EnergyLaw(Law):  # type: ignore[misc]
     """
 
     function: Callable[[Any, Any], Any] = eqx.field(static=True)  # type: ignore[misc]
-    takes: str = eqx.field(static=True)  # type: ignore[misc]
+    takes: str = eqx.field(static=True)
     constants: Any = eqx.field(converter=lambda tree: jax.tree.map(as_real, tree), default=())
     isotropic: bool = eqx.field(static=True, default=False)
-    shared: tuple[str, ...] = eqx.field(static=True, default=())  # type: ignore[misc]
+    shared: tuple[str, ...] = eqx.field(static=True, default=())
 
     def __check_init__(self):
         choice("takes", self.takes, ("E", "F"))

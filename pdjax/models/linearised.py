@@ -58,7 +58,7 @@ class Linearised(PointStateModel):
         return False
 
     @property
-    def shape_tensor(self) -> Callable:  # type: ignore[override]
+    def shape_tensor(self) -> Callable:
         return self.base.shape_tensor
 
     def _at_rest(self, bond: Bonds) -> Bonds:

@@ -93,7 +93,7 @@ def cuboid(shape, N: float = 3, strain=0.05, rate=1e-2, model: AbstractModel | N
     pull = on_host(_rate_of_uniaxial_stress(fixed.model, family))
     centre = 0.5 * h * np.array(shape)
     velocity = math.copysign(rate, strain) * (body.positions - centre) @ pull.T
-    return motion(fixed, density, schedule=Ramp(duration), velocity=velocity, duration=duration)  # type: ignore
+    return motion(fixed, density, schedule=Ramp(duration), velocity=velocity, duration=duration)
 
 
 def wave(

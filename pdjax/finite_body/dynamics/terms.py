@@ -309,8 +309,8 @@ def simulate_diffrax(
         # With fixed steps there is no controller from which the Newton iteration could take its tolerances. Chord
         # replaces VeryChord, which reports divergence when the residual is at the level of rounding.
         root = max(ROOT, 100 * float(np.finfo(real).eps))
-        newton: Any = optx.Chord(rtol=root, atol=root * xp.maximum(size, unknown), norm=optx.max_norm)  # type: ignore[arg-type]
-        if eqx.tree_equal(solver.root_finder, type(solver)().root_finder):  # type: ignore[attr-defined, call-arg]
+        newton: Any = optx.Chord(rtol=root, atol=root * xp.maximum(size, unknown), norm=optx.max_norm)
+        if eqx.tree_equal(solver.root_finder, type(solver)().root_finder):
             solver = eqx.tree_at(lambda s: s.root_finder, solver, newton)
     adjoint = diffrax.RecursiveCheckpointAdjoint() if adjoint is None else adjoint
     found, good = _run(motion, terms, solver, controller, np.asarray(dt, real), times, max_steps, adjoint)
