@@ -26,6 +26,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+import scipy.sparse as sp
 from jaxtyping import Array
 
 from .._internal.checks import in_double
@@ -96,7 +97,7 @@ def _rate(path: Callable[[Any], Any], factor) -> tuple[Array, Array]:
     return jax.jvp(path, (factor,), (jnp.ones_like(factor),))
 
 
-class _Walk:
+class _Loading:
     """H along a path of displacements, with a record of its numbers of positive eigenvalues."""
 
     def __init__(self, scene: Scene, along: Callable[[float], tuple[Any, Any]]):
@@ -185,40 +186,51 @@ def body_critical_load(
             return (factor * form).astype(form.dtype), form
         return _rate(path, np.asarray(factor, jnp.result_type(float)))
 
-    traversal = _Walk(scene, along)
-    H, rate = traversal.state(0.0)
-    lu = traversal.factorised(H)
-    traversal.seen.append((0.0, lu.positive))
-    if traversal.seen[0][1] > 0:
-        return traversal.answer(0.0, _near_zero(H, lu, None)[1], True)
+    loading = _Loading(scene, along)
+    H, rate = loading.state(0.0)
+    lu = loading.factorised(H)
+    loading.seen.append((0.0, lu.positive))
+    if loading.seen[0][1] > 0:
+        return loading.answer(0.0, _near_zero(H, lu, None)[1], True)
+    strength, vector = _strongest(rate, H, lu)
+    del lu, H  # A matrix factorisation takes most of the memory, so only one is kept at a time.
+    first = min(1 / strength[0], limit) if strength[0] > 0 else limit
+    return _search(loading, first, vector[:, 0], limit)
+
+
+def _strongest(rate: Any, H: sp.csc_array, lu: Factor) -> tuple[np.ndarray, np.ndarray]:
+    """The largest λ of Ḣ v = −λ H v, and its v, of a stable H: 1/λ is the first estimate of the critical factor."""
+    size = H.shape[0]
+    if size < 3:  # ARPACK needs more unknowns than eigenvalues
+        import scipy.linalg
+
+        values, vectors = scipy.linalg.eigh(rate @ np.eye(size), -H.toarray())
+        return values[-1:], vectors[:, -1:]
     import scipy.sparse.linalg as sla
 
     inverse = sla.LinearOperator(H.shape, matvec=lambda v: -lu.solve(v), dtype=float)
-    strength, vector = sla.eigsh(rate, k=1, M=-H, Minv=inverse, which="LA", tol=1e-6)
-    del lu, inverse, H  # A matrix factorisation takes most of the memory, so only one is kept at a time.
-    first = min(1 / strength[0], limit) if strength[0] > 0 else limit
-    return _search(traversal, first, vector[:, 0], limit)
+    return sla.eigsh(rate, k=1, M=-H, Minv=inverse, which="LA", tol=1e-6)
 
 
-def _search(traversal: _Walk, factor: float, w: np.ndarray, limit: float) -> BodyCritical:
+def _search(loading: _Loading, factor: float, w: np.ndarray, limit: float) -> BodyCritical:
     """Steps 2 and 3 of the module docstring: from a first load factor and mode to the proved crossing."""
     stable, unstable = 0.0, np.inf
-    while len(traversal.seen) < MOST:
+    while len(loading.seen) < MOST:
         if stable >= limit:
-            return traversal.answer(np.inf, None, True)
-        H, rate = traversal.state(factor)
-        lu = traversal.factorised(H)
+            return loading.answer(np.inf, None, True)
+        H, rate = loading.state(factor)
+        lu = loading.factorised(H)
         value, w = _near_zero(H, lu, w)
         count = lu.positive if lu.cheap else int(value > 0)  # large: counted in the proof only
         del lu
-        traversal.seen.append((float(factor), count))
+        loading.seen.append((float(factor), count))
         slope = float(w @ (rate @ w)) / float(w @ w)
         new = factor - value / slope if slope != 0 else limit
         if abs(new - factor) <= 0.1 * PROOF * abs(new):
-            if traversal.unstable_at(new * (1 - PROOF)):
+            if loading.unstable_at(new * (1 - PROOF)):
                 unstable = min(unstable, new * (1 - PROOF))
-            elif traversal.unstable_at(new * (1 + PROOF)):
-                return traversal.answer(new, w, True)
+            elif loading.unstable_at(new * (1 + PROOF)):
+                return loading.answer(new, w, True)
             else:
                 stable = max(stable, new * (1 + PROOF))
             new = np.nan  # This is not the first crossing, so the search goes on between the bounds.
@@ -226,7 +238,7 @@ def _search(traversal: _Walk, factor: float, w: np.ndarray, limit: float) -> Bod
             stable = max(stable, factor)
             if slope <= 0 or new > limit:
                 if factor >= limit:
-                    return traversal.answer(np.inf, None, True)
+                    return loading.answer(np.inf, None, True)
                 new = limit
         else:
             unstable = min(unstable, factor)
@@ -235,4 +247,4 @@ def _search(traversal: _Walk, factor: float, w: np.ndarray, limit: float) -> Bod
         if not stable < new < unstable:
             new = 0.5 * (stable + unstable) if np.isfinite(unstable) else limit
         factor = new
-    return traversal.answer(0.5 * (stable + min(unstable, limit)), w, False)
+    return loading.answer(0.5 * (stable + min(unstable, limit)), w, False)

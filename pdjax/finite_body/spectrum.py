@@ -163,6 +163,8 @@ def nearest(H: Any, factor: Factor, shift: float, k: int, start: np.ndarray | No
     1e-8 (the error of an eigenvalue is the square of that). Then the function returns the pairs that did converge. If
     none did, it returns one pair from inverse iteration.
     """
+    if H.shape[0] <= k:  # ARPACK needs more unknowns than eigenvalues
+        return np.linalg.eigh(H.toarray())
     import scipy.sparse.linalg as sla
 
     inverse = sla.LinearOperator(H.shape, matvec=factor.solve, dtype=float)
@@ -250,6 +252,8 @@ def body_spectrum(scene: Scene, u=None, count: int | None = None, factor: float 
     (array([52.45, 45.51, 39.51]), (3, 20, 1), 5)
     """
     choice("method", method, METHODS)
+    if count is not None and not (isinstance(count, int | np.integer) and count >= 1):
+        raise ValueError(f"count must be a whole number >= 1, or None for all eigenvalues; got {count!r}")
     need_energy(scene)
     u = _state(scene, u, factor)
     size = len(np.asarray(scene.unknowns))

@@ -225,3 +225,21 @@ def test_printed_results_state_verdict_count_and_proof():
     assert "not counted" in str(pd.body_stability(bar(), method="matrix_free"))
     assert "proved by inertia" in str(pd.body_critical_load(bar()))
     assert MODELS["seth_hill m=1"].hyperelastic and not NoEnergy.hyperelastic
+
+
+def test_a_body_of_one_unknown_has_a_critical_load():
+    """Its stiffness is one number, so the load at which it vanishes can be bracketed directly."""
+    scene = pd.scenes.step_size_bar(13, 3, -0.1)
+    assert len(np.asarray(scene.unknowns)) == 1
+    found = pd.body_critical_load(scene)
+    at = [pd.body_spectrum(scene, scene.closed_form * f, factor=f)[0][0] for f in np.linspace(0, 1, 11)]
+    first = np.flatnonzero(np.array(at) > 0)
+    if found.factor < np.inf and len(first):
+        assert (first[0] - 1) / 10 <= found.factor <= first[0] / 10
+    else:
+        assert not len(first)
+
+
+def test_the_number_of_eigenvalues_is_at_least_one():
+    with pytest.raises(ValueError, match="count must be a whole number >= 1"):
+        pd.body_spectrum(pd.scenes.step_size_bar(20, 3, -0.1), count=0)

@@ -271,7 +271,7 @@ def test_a_path_passes_the_limit_point_of_a_bond():
     assert abs(path.load_factors[top] / (2 / np.e) - 1) < 1e-3  # measured 7e-7
     assert abs(e[top] - (np.e - 1)) < 0.1
     assert path.load_factors.max() <= 2 / np.e
-    assert path.reason == "the iterations ran out"
+    assert path.reason == "all 40 states were computed before the load factor reached 1"
 
 
 def test_a_monotone_path_ends_at_the_solution():

@@ -139,7 +139,7 @@ def equilibrium_path(
         return EquilibriumPath(np.zeros(1), np.array(out_u), np.array([-1]), f"{SolveEnding.SINGULAR.reason} at rest")
     theta2 = 1.0 / max(float(rate @ rate), np.finfo(float).tiny)
     last_q, last_factor = rate, 1.0
-    reason = SolveEnding.OUT_OF_STEPS.reason
+    reason = f"all {states} states were computed before the load factor reached {stop_at:g}"
     while len(out_factor) < states + 1:
         size = np.sqrt(theta2 * rate @ rate + 1.0)
         sign = np.sign(theta2 * rate @ last_q + last_factor) or 1.0
