@@ -111,17 +111,37 @@ def _worst(rows: list[dict]) -> list[dict]:
 
 @public_function
 def advise(scene: Scene | Motion | str, tol: float, data: str | os.PathLike | None = None) -> Advice:
-    """The cheapest measured setting whose error meets a tolerance.
+    """Find the fastest measured setting of a scene whose error meets a tolerance.
 
-    Arguments: scene: a name, "singular-bar", "wave", "critical-load" or "map", or a `Scene` or `Motion` made by
-        `pdjax.scenes.singular_bar` or `wave`; tol: the error allowed [-], of the kind that was measured on that
-        scene; data: a folder that `pdjax bench --out` has written on your machine (default: the rows that come
-        with the package, from another machine: their order is worth more than their seconds).
-    Of a Scene or Motion only its name is matched. Its model, load, points and horizon are not looked at: the advice
-    is for the scene as it was measured (m = 1 and σ/E₀ = 1e-3; 60 points, u₀ = 2 %), and for yours as far as
-    it is like it.
-    Returns: `Advice`: .method .settings .error .seconds .evidence (all rows, the fastest first).
-    Raises: ValueError for a scene that was not measured, or a tolerance that no row meets, with the best that does.
+    Only the name of a Scene or Motion is used. Its model, load, number of points and horizon are not. The advice is for
+    the scene as it was measured (m = 1 and σ/E₀ = 1e-3; 60 points, u₀ = 2 %), and holds for yours as far as it is
+    similar.
+
+    Parameters
+    ----------
+    scene : str, Scene or Motion
+        "singular-bar", "wave", "critical-load" or "map", or a result of `pdjax.scenes.singular_bar` or `wave`.
+    tol : float
+        Largest error [-], of the kind that was measured on that scene.
+    data : path, optional
+        Folder that `pdjax bench --out` has written on your machine. The default are the rows that come with pdjax.
+        Another machine measured them, so their order is more reliable than their seconds.
+
+    Returns
+    -------
+    Advice
+        The method, its settings, error and seconds, and in `evidence` all measured rows, the fastest first.
+
+    Raises
+    ------
+    ValueError
+        If the scene was not measured, or if no row meets the tolerance; the message names the best row.
+
+    Examples
+    --------
+    >>> advice = pd.advise("wave", tol=1e-2)
+    >>> advice.error <= 1e-2
+    True
     """
     name = scene_name(scene)
     if not (isinstance(tol, int | float) and 0 < tol < float("inf")):

@@ -172,7 +172,7 @@ class Scene(eqx.Module):
         operator = force_operator(self.model, self.families, mean=self.mean is not None)
         return eqx.tree_at(lambda s: s.operator, self, operator, is_leaf=lambda x: x is None)
 
-    def unbalanced(self, u: Float[Array, "points dim"], factor=1.0) -> Float[Array, "points dim"]:
+    def unbalanced(self, u: Any, factor=1.0) -> Float[Array, "points dim"]:
         """Unbalanced force V (f + λ b) on every point.
 
         On a free component it is zero in equilibrium. On a held component it is minus the reaction of the support.

@@ -57,7 +57,7 @@ class Law(eqx.Module):
     ...     takes, isotropic = "E", True
     ...     def energy(self, E): return 0.5 * self.k * jnp.sum(E * E)
     >>> law = Quadratic(2.0)
-    >>> law, round(float(law.energy(np.diag([0.1, 0.0]))), 3)
+    >>> law, round(float(law.energy(jnp.diag(jnp.array([0.1, 0.0])))), 3)
     (Quadratic(k=2.0), 0.01)
     """
 
@@ -127,7 +127,7 @@ class LinearElastic(Law):
     Under a uniaxial strain of 0.1 the energy is ½ λ (0.1)² + μ (0.1)²:
 
     >>> law = pd.LinearElastic(lam=1.0, mu=1.0)
-    >>> round(float(law.energy(np.diag([0.1, 0.0]))), 3)
+    >>> round(float(law.energy(jnp.diag(jnp.array([0.1, 0.0])))), 3)
     0.015
     """
 
@@ -233,7 +233,7 @@ class NeoHookean(Law):
     F = diag(2, ½) keeps the area, so the energy is ½ μ (4 + ¼ − 2):
 
     >>> law = pd.NeoHookean(lam=1.0, mu=1.0)
-    >>> float(law.energy(np.diag([2.0, 0.5])))
+    >>> float(law.energy(jnp.diag(jnp.array([2.0, 0.5]))))
     1.125
     """
 

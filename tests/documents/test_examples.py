@@ -60,6 +60,8 @@ def test_examples_give_what_they_show(name, tmp_path, monkeypatch):
     assert name in found, f"the docstring of {name} has no example"
     for part, text in found.items():
         said = []
-        test = parser.get_doctest(text, {"pd": pd, "np": np, "jax": jax, "jnp": jnp}, part, None, 0)
+        test = parser.get_doctest(
+            text, {"pd": pd, "np": np, "jax": jax, "jnp": jnp, "__name__": "__main__"}, part, None, 0
+        )
         runner.run(test, out=said.append)
         assert runner.failures == 0, "".join(said)

@@ -13,6 +13,7 @@ import pdjax as pd
 from pdjax.force import operator as evaluate
 from pdjax.force import shape_tensors
 from pdjax.force.backends import streamed
+from pdjax.force.fields import whole_force
 
 COMPILED = []
 jax.monitoring.register_event_duration_secs_listener(
@@ -112,7 +113,7 @@ def test_changed_families_and_models_are_checked_anew():
 def test_a_model_with_another_constant_gives_its_own_force():
     fams = pd.families(BODY, 1.01)
     for mu in (0.7, 0.8, 0.7):
-        expected = evaluate.whole_force(silling(mu), fams, fams.bonds(jnp.asarray(U)))
+        expected = whole_force(silling(mu), fams, fams.bonds(jnp.asarray(U)))
         assert bodies.worst(pd.force_density(silling(mu), fams, U, way="fft"), expected) < 1e-14
 
 
