@@ -1,27 +1,28 @@
-"""What a material model is: an energy of one family, or small functions of it.
+"""What a material model is: an energy of one family, or two small functions of it.
 
     T_j = (1/V_j) ∂W/∂Y_j            force state [force/length^(2 dim)]
 
-**By its energy** (`AbstractModel`): W(bonds), and everything else follows by autodiff.
+**By its energy** (`AbstractModel`): the model defines W(bonds). Automatic differentiation gives everything else.
 
-**By a point state** (`PointStateModel`): `point_state(bonds) -> A` (sums over the family turned into what a bond needs)
-and `bond_force(A_here, A_there, bond) -> t`; only A travels between points. Such a force state has a cheap exact
-derivative, ∂T_b/∂Y_c = δ_bc B_b + G_b R_c, with B = ∂t/∂η, G = ∂t/∂A, R = ∂A/∂η: a block for each bond plus a
-product of rank dim A. Most give A by what each bond adds to the sums, `moments(bond) -> (reference, deformed)`, and
-what the sums make, `state(sums) -> A`: then bodies are evaluated without an array over points and bonds
-(`pdjax.force.backends`).
+**By a point state** (`PointStateModel`): the model defines `point_state(bonds) -> A`, which turns sums over the family
+into what a bond needs, and `bond_force(A_here, A_there, bond) -> t`. Only A is exchanged between points. Such a force
+state has a cheap exact derivative, ∂T_b/∂Y_c = δ_bc B_b + G_b R_c, with B = ∂t/∂η, G = ∂t/∂A, R = ∂A/∂η: one block for
+each bond plus a product of rank dim A. Most models define A by the contribution of each bond to the sums,
+`moments(bond) -> (reference, deformed)`, and by a function of the sums, `state(sums) -> A`. Then pdjax evaluates bodies
+without any array over points × bonds (`pdjax.force.backends`).
 
-**By the states of both ends** (`TwoStageModel`): `point_state(bonds) -> A`, linear in η, and `bond_energy(A_here,
-A_there, bond) -> φ`, W_i = Σ_j φ(A_i, A_j, bond). The second stage, also a sum over the family, is the force on A,
+**By the states of both ends** (`TwoStageModel`): the model defines `point_state(bonds) -> A`, linear in η, and
+`bond_energy(A_here, A_there, bond) -> φ`, with W_i = Σ_j φ(A_i, A_j, bond). The second stage, also a sum over the
+family, is the force on A,
 
     Λ_i = Σ_j [∂φ_ij/∂A_i + (V_j/V_i) ∂φ_ji/∂A_i],    T_ij = (1/V_j) [∂φ_ij/∂η_ij + Λ_i ∂A_i/∂η_ij]
 
-so that f = Σ_j (T_ij − T_ji) V_j is the exact gradient of Σ V_i W_i; it reaches three rings of neighbours.
+so that f = Σ_j (T_ij − T_ji) V_j is the exact gradient of Σ V_i W_i. The force then reaches three rings of neighbours.
 
-A model declares its promises as class attributes; the tests, the sparsity and the choice of method read them.
+A model declares its properties as class attributes. The tests, the sparsity pattern and the choice of method use them.
 
-A user may call a method of a model with known values, outside any program. JAX would then compile every operation by
-itself, a hundred programs for one number, so `one_program` compiles the method as a whole.
+A user may call a method of a model with concrete values, outside any compiled program. JAX would then compile every
+operation separately, a hundred programs for one number. `one_program` compiles the method as a whole instead.
 """
 
 import functools
@@ -55,7 +56,7 @@ PROMISES = (
 
 
 class Sums(NamedTuple):
-    """What a family adds up to: the two trees of `moments` summed over its bonds, its horizon, the dimension."""
+    """Sums over a family: the two trees of `moments` summed over its bonds, its horizon, and the dimension."""
 
     reference: Any
     deformed: Any
@@ -79,21 +80,51 @@ def one_program(method: Callable) -> Callable:
 
 
 class AbstractModel(eqx.Module):
-    """A model by its energy: subclass it, define `energy(bonds) -> W`, and everything else follows.
+    """Base class of all models. A subclass that defines `energy(bonds) -> W` is a complete model.
 
-    Fields given as Python floats become arrays of the precision that is set then, so that another value compiles
-    nothing anew and has derivatives: branch on them with `jnp.where`. A field that is not a number of the material (a
-    count, a choice) is an int, or `eqx.field(static=True)`.
+    Fields given as Python floats become arrays of the current precision. A new value of such a field compiles nothing
+    anew and has derivatives, so branch on it with `jnp.where`. A field that is not a material constant, such as a count
+    or a choice, is an int or `eqx.field(static=True)`.
 
-    Promises (class attributes): `hyperelastic` the force is the gradient of an energy; `objective` a rigid
-    rotation of the deformed body turns the forces and changes nothing else; `balances_moments` internal forces exert no
-    moment; `affine_exact` every affine map gives the law's exact stress, at surfaces too; `moduli_exact`
-    the tangent at rest inside a lattice is the law's; `rings` how many rings of
-    neighbours the force on a point reaches; `needs_other_end` a bond's force needs the state of its far end; `even` the
-    point state of a family is that of its mirror image, ξ → −ξ, and so is what each bond adds to its sums; `additive` a
-    bond's force is linear in the point state (or has none) and odd in the bond, t(A, −ξ, −η) = −t(A, ξ, η), so that
-    t(A_i) − t(A_j, −bond) = t(A_i + A_j); `degree` moments are polynomials in η of this degree and the bond force one
-    of degree 1, both in proportion to ω V (0: they are not); `dims` the dimensions it is defined in.
+    Attributes
+    ----------
+    hyperelastic : bool
+        The force is the gradient of an energy.
+    objective : bool
+        A rigid rotation of the deformed body rotates the forces and changes nothing else.
+    balances_moments : bool
+        The internal forces exert no moment.
+    affine_exact : bool
+        Every affine deformation has the law's exact stress, at surfaces too.
+    moduli_exact : bool
+        The tangent at rest inside a lattice is that of the law.
+    rings : int
+        Number of rings of neighbours that the force on a point depends on.
+    needs_other_end : bool
+        The force of a bond needs the state of its far end.
+    even : bool
+        The point state, and the contribution of each bond to its sums, do not change if ξ and η change their signs.
+    additive : bool
+        The force of a bond is linear in the point state (or has none) and odd in the bond, t(A, −ξ, −η) = −t(A, ξ, η).
+        Then t(A_i) − t(A_j, −bond) = t(A_i + A_j).
+    degree : int
+        The moments are polynomials in η of this degree and the bond force is one of degree 1, both proportional to ω V.
+        0 if they are not polynomials.
+    dims : tuple of int
+        Dimensions in which the model is defined.
+    shared : tuple of str
+        Names of the fields that hold an array which all points of a body share. Any other array whose first axis is as
+        long as the body has points holds one value for each point.
+
+    Examples
+    --------
+    >>> class Springs(pd.AbstractModel):
+    ...     c: float
+    ...     def energy(self, bonds):
+    ...         stretch = jnp.expm1(pd.log_stretch(bonds.xi, bonds.eta))
+    ...         return 0.5 * self.c * jnp.sum(bonds.omega * bonds.volume * stretch**2)
+    >>> pd.stability(Springs(1.0), pd.lattice_family(2, 2), np.eye(2)).verdict
+    'stable'
     """
 
     by_state: ClassVar[bool] = False  # a bond's force is a function of point states, `bond_force`
@@ -124,7 +155,7 @@ class AbstractModel(eqx.Module):
 
     @property
     def isotropic(self) -> bool:
-        """Promise: no direction of the material is preferred (the lattice's own apart). False unless known."""
+        """True if the material prefers no direction (the lattice has its own). False unless this is known."""
         return False
 
     @property
@@ -185,13 +216,34 @@ class AbstractModel(eqx.Module):
 
 
 class PointStateModel(AbstractModel):
-    """A model by its two small functions; the force state is their composition."""
+    """Base class of models made of a point state A and of the force of a bond that depends on it.
+
+    A subclass defines `bond_force(here, there, bond)`, and either `moments(bond)` with `state(sums)` or
+    `point_state(bonds)`. The force state is their composition. The equations are in `pdjax.models.base`.
+
+    Examples
+    --------
+    Springs whose force is that of the mean stretch of the family:
+
+    >>> class MeanStretch(pd.PointStateModel):
+    ...     c: float
+    ...     def moments(self, bond):
+    ...         weight = bond.omega * bond.volume
+    ...         return weight * jnp.sum(bond.xi**2), weight * jnp.sum(bond.xi * bond.eta)
+    ...     def state(self, sums):
+    ...         return self.c * sums.deformed / sums.reference
+    ...     def bond_force(self, here, there, bond):
+    ...         return bond.omega * here * bond.xi
+    >>> T = pd.force_state(MeanStretch(2.0), pd.lattice_family(1, 1), 1.1 * np.eye(1))
+    >>> np.round(np.asarray(T).ravel(), 3).tolist()
+    [0.2, -0.2]
+    """
 
     by_state: ClassVar[bool] = True
 
     def moments(self, bond: Bonds) -> tuple[Any, Any]:
-        """What one bond (ξ (dim,), η (dim,), ω, V scalars) adds to the sums of its family: a tree that depends on the
-        reference configuration alone, and one of the deformation. A bond with ω = 0 adds 0."""
+        """Contribution of one bond (ξ (dim,), η (dim,), ω, V scalars) to the sums of its family: a tree that depends on
+        the reference configuration alone, and a tree of the deformation. A bond with ω = 0 contributes 0."""
         raise NotImplementedError
 
     def state(self, sums: Sums) -> Any:
@@ -220,7 +272,24 @@ class PointStateModel(AbstractModel):
 
 
 class TwoStageModel(AbstractModel):
-    """A model by the energies of its bonds, which look at the states of both their ends."""
+    """Base class of models whose bonds have an energy that depends on the point states of both ends.
+
+    A subclass defines `point_state(bonds)`, linear in η, and `bond_energy(here, there, bond)`. The equations are in
+    `pdjax.models.base`.
+
+    Examples
+    --------
+    Springs of the mean displacement difference of both families:
+
+    >>> class Mean(pd.TwoStageModel):
+    ...     def point_state(self, bonds):
+    ...         return jnp.sum((bonds.volume * bonds.omega)[:, None] * bonds.eta, axis=0)
+    ...     def bond_energy(self, here, there, bond):
+    ...         return 0.5 * bond.omega * bond.volume * jnp.sum((bond.eta + (here + there) / 2) ** 2)
+    >>> energy = Mean().energy(pd.lattice_family(1, 1).bonds(1.1 * np.eye(1)))
+    >>> round(float(energy), 4)
+    0.01
+    """
 
     rings: ClassVar[int] = 3
     needs_other_end: ClassVar[bool] = True
