@@ -1,7 +1,9 @@
-"""Convergence by its names: δ-convergence (δ → 0 at fixed N) and N-convergence (h → 0 at fixed δ).
+"""Convergence of a discretised body to the local solution: δ-convergence and N-convergence.
 
-The manufactured plate in 2D (smooth local solution known) and the singular bar in tension. At fixed δ the error stops
-at the distance of the nonlocal body from the local solution; with δ → 0 it goes on falling.
+In δ-convergence the horizon δ tends to 0 at a fixed ratio N = δ/h. In N-convergence the spacing h tends to 0 at a fixed
+horizon. Both are measured on a manufactured plate in 2D, whose smooth local solution is known, and on the singular bar
+in tension. At fixed δ the error stops falling at the distance between the nonlocal and the local solution. For δ → 0
+the error continues to fall.
 """
 
 import jax
@@ -17,7 +19,7 @@ jax.config.update("jax_enable_x64", True)
 
 
 def error(scene) -> float:
-    """Root mean square over the free points, relative to the largest fluctuation wanted."""
+    """Root mean square error over the free points, relative to the largest fluctuation of the exact solution."""
     found = pd.solve(scene, predictor="tangent", stability=False)
     assert found.converged, found
     wanted = scene.closed_form - jnp.asarray(0.05) * scene.body.positions if scene.body.dim == 2 else scene.closed_form
@@ -26,6 +28,7 @@ def error(scene) -> float:
 
 
 def orders(x, y) -> float:
+    """Order of convergence: the slope of log y over log x."""
     return float(np.polyfit(np.log(x), np.log(y), 1)[0])
 
 

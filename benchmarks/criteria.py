@@ -1,9 +1,9 @@
-"""What each criterion costs and how often it is wrong, against the symbol, over the default map (2D, N = 3,
-hydrostatic).
+"""Cost and errors of each stability criterion, compared with the symbol over the default map.
 
-A missed instability is a state that the symbol calls unstable and the criterion does not; a false alarm is the
-reverse. The necessary criteria may miss and never raise a false alarm; the material test is sufficient, so it may
-only do the reverse.
+The states (m, a) are those of the default map: 2D, N = 3, hydrostatic load. A missed instability is a state that is
+unstable by the symbol and stable by the criterion. A false alarm is the reverse. Instability by a necessary criterion
+proves instability, so such a criterion can miss instabilities but never raises a false alarm. The material test is
+sufficient for stability, so it can raise false alarms but never misses an instability.
 """
 
 import jax

@@ -1,5 +1,7 @@
-"""The cuboid beyond the paper's figure (`pdjax paper --figure cuboid`): Silling's model, other rates and orders, and
-the growth rates of the body's own Jacobian beside the symbol's, in the homogeneous state of uniaxial stress.
+"""The cuboid in tension and compression, in more cases than the paper's figure (`pdjax paper --figure cuboid`).
+
+The runs add Silling's correspondence model, other strain rates and other orders m. The growth rates of the body's own
+Jacobian, in the homogeneous state of uniaxial stress, are compared with the growth rates of the symbol.
 """
 
 import jax
@@ -19,14 +21,14 @@ from pdjax.studies.paper.cuboid import LAW, ONSET, START, STRAINS, growth, predi
 jax.config.update("jax_enable_x64", True)
 FAMILY = pd.lattice_family(3, 3)
 BEAR = (0.75, 1.0, 1.5, 2.0)  # orders whose critical tension is found
-ALTERNATES = 0.25  # alternation of a mode over its size: measured 0.5 and more, or 0.06 and less
+ALTERNATES = 0.25  # smallest alternation / size of an alternating mode; measured: above 0.5 or below 0.06
 
 
 def growth_of_body(model, sign: float, shape) -> tuple[np.ndarray, np.ndarray]:
-    """γ of the body itself, its middle held by the ends, in the homogeneous state of uniaxial stress.
+    """Growth rates γ of the body's Jacobian, with held ends, in the homogeneous state of uniaxial stress.
 
-    Of its modes that alternate between neighbours, and of its smooth ones (a column that buckles, a spin about x):
-    only the first are what `roughness` sees, and no smooth one is taken for them.
+    Two rates are returned at each strain: of the modes that alternate between neighbours, and of the smooth modes
+    (buckling as a column, spin about x). `roughness` measures the alternating modes only, so the two are kept apart.
     """
     motion = pd.scenes.cuboid(shape, 3, sign * 0.1, 0.005, model)
     body = motion.scene.body
@@ -44,7 +46,7 @@ def growth_of_body(model, sign: float, shape) -> tuple[np.ndarray, np.ndarray]:
         rough = np.max([roughness(fields, shape, k) for k in range(3)], axis=0) / size > ALTERNATES
         grows = values > 1e-8 * float(pd.p_wave_modulus(model, FAMILY)) * shape[-1] ** 2
         if grows.all() and not rough.any():
-            raise RuntimeError(f"four smooth modes grow at {strain:+g}: look at more of them")
+            raise RuntimeError(f"all computed modes at {strain:+g} grow and are smooth: increase k of eigsh")
         rates.append([np.sqrt(np.max(values, where=grows & which, initial=0.0)) for which in (rough, ~rough)])
         print(f"body at {strain:+g}: {values}, alternating {rough}", flush=True)
     alternating, smooth = np.array(rates).T
@@ -52,7 +54,7 @@ def growth_of_body(model, sign: float, shape) -> tuple[np.ndarray, np.ndarray]:
 
 
 def take_off(run: dict, rates: np.ndarray, rate: float) -> dict | None:
-    """While the alternation climbs from a third of ONSET to its triple: its rate, and the symbol's over that time."""
+    """Measured growth rate of the alternation between ONSET/3 and 3 ONSET, and the symbol's mean rate meanwhile."""
     worst = np.max(list(run["alternation over h"].values()), axis=0)
     over = np.flatnonzero(worst > 3 * ONSET)
     if len(over) == 0:
@@ -71,7 +73,7 @@ def take_off(run: dict, rates: np.ndarray, rate: float) -> dict | None:
 
 def main() -> None:
     shape, rate = (28, 7, 7), 0.005
-    side = shape[-1]  # the symbol's rates are per unit of h/c, the body's side is 1
+    side = shape[-1]  # the symbol's rates assume h = 1, but here the side is 1 and h = 1/side
     models = {"m = 0": pd.SethHill(0.0, LAW), "m = 1": pd.SethHill(1.0, LAW), "Silling": pd.Correspondence(LAW)}
     runs, gammas, own, smooth = {}, {}, {}, {}
     for name, model in models.items():
@@ -162,7 +164,7 @@ def main() -> None:
         on.set_ylabel(f"{across} / side  [–]")
         figure.colorbar(image, ax=on, shrink=0.8)
     handles, words = axes[0, 0].get_legend_handles_labels()
-    for style, word in (("-", "seen"), ("--", "predicted by the symbol"), (":", "by the body's alternating modes")):
+    for style, word in (("-", "measured"), ("--", "predicted by the symbol"), (":", "by the body's alternating modes")):
         handles.append(Line2D([], [], color="#555555", linestyle=style, linewidth=1.2))
         words.append(word)
     figure.legend(handles, words, loc="outside lower center", ncols=7, fontsize=8.5, frameon=False)

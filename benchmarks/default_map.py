@@ -1,8 +1,9 @@
-"""The default map of the command line, cold, in a process of its own; then float32 beside float64, and its convergence.
+"""Time of the default map of the command line, its accuracy in float32, and its convergence in the zone grid.
 
-The cold run is what a user waits for: import, compilation, 40 000 states with five criteria, figure, table. The
-convergence part shows what the default zone is good for: threshold orders and non-zero critical loads at once and
-twice the resolution.
+The cold run in a new process is the time that a user waits: import, compilation, 40 000 states with five criteria,
+figure and table. The precision part compares verdicts and margins in float32 and float64. The convergence part
+computes non-zero critical loads at half, once and twice the default resolution of the Brillouin zone, and the stable
+orders in 2D and 3D.
 """
 
 import subprocess
@@ -19,6 +20,7 @@ from pdjax.bench.harness import timed, write
 
 
 def cold(*arguments: str) -> float:
+    """Seconds of `pdjax map` in a new process and an empty folder."""
     with tempfile.TemporaryDirectory() as folder:
         start = time.perf_counter()
         subprocess.run([sys.executable, "-m", "pdjax", "map", *arguments], cwd=folder, check=True, capture_output=True)
@@ -26,7 +28,7 @@ def cold(*arguments: str) -> float:
 
 
 def bare() -> float:
-    """The map alone, symbol only, compilation included, in this process."""
+    """Seconds of `stability_map` in this process, with the symbol only; the first call includes the compilation."""
     start = time.perf_counter()
     pd.stability_map(
         np.linspace(-2, 2, 200), np.linspace(-0.3, 0.3, 200), law=pd.LinearElastic(1.0, 1.0), show_progress=False
@@ -35,7 +37,7 @@ def bare() -> float:
 
 
 def precision() -> dict:
-    """Verdicts and margins of the same states in float32, and the time of a chunk in each."""
+    """Differences of verdicts and margins between float32 and float64, and the time of the map in each."""
     m, a = np.linspace(-2, 2, 24), np.linspace(-0.3, 0.3, 25)
     out = {}
     maps = {}
@@ -55,7 +57,7 @@ def precision() -> dict:
 
 
 def convergence() -> dict:
-    """Non-zero critical loads by the symbol at 12, 24 (default) and 48 intervals."""
+    """Non-zero critical loads by the symbol at 12, 24 (default) and 48 zone intervals, and the stable orders."""
     family = pd.lattice_family(2, 3)
     law = pd.LinearElastic(3.0, 1.0)
     cases = {

@@ -1,10 +1,13 @@
-"""Which verdicts of the atlas survive disorder and damage?
+"""Verdicts of the atlas on disordered and on damaged lattices.
 
-**Disorder** (2D): cells of 3 × 3 points, horizon of 2 mean spacings, jittered at random (equal volumes, several seeds)
-or graded (spacings from 0.8 to 1.2, volumes to match), at rest and, balanced by Newton, at ±2 % hydrostatic strain, by
-the symbol of the cell on a grid of its zone. **Damage** (2D, 11 × 11): all bonds that cross a line are broken; the
-block ∂f/∂x of a point at the line, at rest and at ±2 %, beside that of the intact body: λ_max over its unit, positive:
-unstable.
+**Disorder** (2D): a periodic cell has 3 × 3 points and a horizon of 2 mean spacings. The points are either jittered at
+random (equal volumes, several seeds) or graded (spacings from 0.8 to 1.2, volumes to match). The cell is tested at rest
+and at ±2 % hydrostatic strain, after Newton's method has brought it to equilibrium. The verdict comes from the symbol
+of the cell on a grid of its Brillouin zone.
+
+**Damage** (2D, 11 × 11 points): all bonds that cross a line are broken. The block ∂f_i/∂x_i of a point i at the line is
+compared with that of the intact body, at rest and at ±2 %. The result is λ_max / (4M/h²), where λ_max is the largest
+eigenvalue of the block and M the P-wave modulus. A positive value means unstable.
 """
 
 import argparse
@@ -38,7 +41,7 @@ STRAINS = (0.0, -0.02, 0.02)
 
 
 def cells(jitters, seeds):
-    """(name, body): the lattice, graded, jittered."""
+    """Yield (name, body) of the regular, the graded and the jittered cells."""
     X = np.asarray(pd.lattice((3, 3)).positions)
     grade = np.cumsum([0.8, 1.0, 1.2]) - np.array([0.4, 0.5, 0.6])
     yield "lattice", pd.cloud(X, 1.0, period=(3, 3))
@@ -51,6 +54,7 @@ def cells(jitters, seeds):
 
 
 def disorder(name: str, horizon: float, jitters, seeds: int, intervals: int) -> list[dict]:
+    """Verdict and margin of one model on every cell at every strain, or the message of the error."""
     family = pd.lattice_family(2, horizon)
     model = pd.CATALOGUE[name](LAW, family)
     M = float(pd.p_wave_modulus(model, family))
@@ -71,11 +75,12 @@ def disorder(name: str, horizon: float, jitters, seeds: int, intervals: int) -> 
 
 
 def damage(name: str, N: float) -> dict:
+    """λ_max / (4M/h²) of the block of one point, in the intact and in the broken body, at every strain."""
     family = pd.lattice_family(2, N)
     model = pd.CATALOGUE[name](LAW, family)
     families = pd.families(pd.lattice((11, 11)), N)
     X = np.asarray(pd.lattice((11, 11)).positions)
-    line = 6.0  # between the rows at 5.5 and 6.5: the point (5.5, 5.5) keeps the bonds of one side
+    line = 6.0  # between the rows at 5.5 and 6.5, so that the point (5.5, 5.5) keeps the bonds of one side only
     side = X[:, 0] > line
     near = np.asarray(families.neighbours)
     broken = families.with_weight(jnp.asarray(np.where(side[near] == side[:, None], 1.0, 0.0)))
@@ -94,7 +99,7 @@ def damage(name: str, N: float) -> dict:
 
 
 def draw(rows: list[dict]) -> Figure:
-    """Margins of every cell: rows by model, one panel for each load."""
+    """Draw the margins of every cell: one row for each model, one panel for each load."""
     names = list(dict.fromkeys(r["model"] for r in rows))
     figure = Figure(figsize=(9.2, 0.34 * len(names) + 1.6), layout="constrained")
     axes = figure.subplots(1, 3, sharey=True)
@@ -109,7 +114,7 @@ def draw(rows: list[dict]) -> Figure:
                     ax.plot([margin], [y], "o", ms=3.6, mfc="none", color=colours[i % 5])
         ax.axvline(0, color="black", lw=0.8)
         ax.set_xscale("symlog", linthresh=1e-3, linscale=0.5)
-        ax.set_xlim(-1, 10)  # far above 0 its size says little: unstable optical branches over a small κ²
+        ax.set_xlim(-1, 10)  # large margins say little: an unstable optical branch is divided by a small κ²
         ax.set_xticks([-0.1, 0, 0.1], ["−0.1", "0", "0.1"])
         ax.set_title("at rest" if a == 0 else f"hydrostatic {100 * a:+g} %".replace("-", "−"), fontsize=9)
         ax.set_xlabel("margin [-] (> 0: unstable)", fontsize=9)
@@ -123,7 +128,7 @@ def draw(rows: list[dict]) -> Figure:
 
 def main() -> None:
     parser = argparse.ArgumentParser()
-    parser.add_argument("--quick", action="store_true", help="two models, one seed")
+    parser.add_argument("--quick", action="store_true", help="run two models with one seed")
     quick = parser.parse_args().quick
     names = ["Silling", "Seth–Hill 1"] if quick else MODELS
     jitters, seeds = ((0.1,), 1) if quick else ((0.02, 0.1, 0.2), 4)

@@ -1,7 +1,8 @@
-"""Which integrator: error against wall time, and what each does to the energy of a long run.
+"""Accuracy of the time integrators against wall time, and their energy error in a long run.
 
-Left: the case `integrators` of `pdjax bench`, which says what the wave is and how it is timed. Right: the largest
-error of the energy up to a time, over 200 periods at one step for all, half the critical one.
+Left panel: the case `integrators` of `pdjax bench`; `pdjax/bench/integrators.py` describes the wave and how the time is
+measured. Right panel: the largest error of the energy up to a given time. The run lasts 200 periods, and all methods
+use the same step, half the critical one.
 """
 
 import jax
@@ -27,7 +28,7 @@ def precision() -> dict[str, list[dict]]:
 
 
 def long_runs() -> dict[str, dict]:
-    """Energy error over 200 periods at half the critical step."""
+    """Energy error of each method over 200 periods at half the critical step."""
     motion = scene(200.0)
     dt = 0.5 * pd.critical_time_step(motion)
     at_rest = jnp.zeros_like(motion.start)
@@ -44,7 +45,7 @@ def long_runs() -> dict[str, dict]:
         budget = history.energies
         total = np.asarray(budget.kinetic + budget.strain)
         wave = total - stretched
-        error = wave / wave[0] - 1  # of the wave's own energy, the stretched bar's apart
+        error = wave / wave[0] - 1  # relative to the energy of the wave, without the energy of the stretched bar
         rows[name] = {
             "times": np.asarray(history.times).tolist(),
             "error": error.tolist(),
@@ -70,7 +71,7 @@ def main() -> None:
             color=shades[name],
             label=name,
         )
-    left.set_xlabel("time of the run, compiled  [s]")
+    left.set_xlabel("time of the run without compilation  [s]")
     left.set_ylabel("largest error of u and v, relative  [–]")
     left.set_title("four periods of a wave on 60 points", fontsize=10)
     left.legend(frameon=False, fontsize=8)
@@ -78,7 +79,7 @@ def main() -> None:
         right.loglog(line["times"][1:], line["largest"][1:], lw=1.2, color=shades[name], label=name)
     right.set_ylim(1e-3, 30)
     right.axhline(1, color="#888888", lw=0.6)
-    right.annotate("1: the wave is gone (Bosh3 and implicit Euler coincide)", (40, 1.15), fontsize=8)
+    right.annotate("1: no wave energy is left (Bosh3 and implicit Euler coincide)", (40, 1.15), fontsize=8)
     right.set_xlabel("time  [h √(ρ/E₀)]")
     right.set_ylabel("largest error of the wave's energy so far, relative  [–]")
     right.set_title("200 periods at half the critical step", fontsize=10)

@@ -1,11 +1,17 @@
-"""Every model of the catalogue on the singular bar (at rest, 1D) and on the cuboid (pulled and pushed, 3D).
+"""Every model of the catalogue on the singular bar (at rest, 1D) and on the cuboid (tension and compression, 3D).
 
-Bar: the error is ‖u − u_local‖/‖u_local‖, the alternation ‖¼ δ²(u − u_local)‖/‖u_local‖ with δ² the second
-difference (a pure zigzag counts by its size). Springs have no law; in 1D they stand for ψ(F) = ½ E e_m(F)², and that is
-their u_local. A model without an energy has no minimum: "steady" or "growing" by its Jacobian's largest Re √λ.
-Cuboid: as in `cuboid.py`, a model fails where neighbours alternate by more than ONSET h or the run ends early. It runs
-twice: from rest, and from random displacements of SEED h, so that models exact for affine maps are tried too.
-What is in the result file is not run again; --quick is a small trial under another name.
+Bar: the error is ‖u − u_local‖/‖u_local‖. The alternation is ‖¼ δ²(u − u_local)‖/‖u_local‖, where δ² is the second
+difference; for a pure zigzag it equals the relative amplitude. The bond-based models have no material law. In 1D they
+have the strain energy density ψ(F) = ½ E e_m(F)², and u_local is the local solution for this energy. A model
+without an energy has no minimum. It is called "growing" if the largest Re √λ of its Jacobian is positive, else
+"steady".
+
+Cuboid: as in `cuboid.py`, a model fails where the alternation between neighbours exceeds ONSET h, or where the run ends
+early. Each cuboid runs twice: from rest, and from random displacements of size SEED h. The second run also perturbs
+the models that reproduce affine deformations exactly.
+
+Results that are already in the result file are kept and not computed again. `--quick` runs a small trial, which is
+stored under another name.
 """
 
 import argparse
@@ -30,7 +36,7 @@ from pdjax.studies.paper.cuboid import ONSET
 jax.config.update("jax_enable_x64", True)
 STRESS = 1e-5  # over E₀
 RATE, STRAIN, SEED = 0.005, 0.1, 1e-3
-GROWS = 1e-10  # of ‖J‖: γ² above it is no rounding
+GROWS = 1e-10  # a γ² above this fraction of ‖J‖ is more than rounding
 FULL = {"bar points": [100, 200, 50], "bar N": 3, "cuboid shape": [20, 5, 5], "cuboid N": 2, "models": list(CATALOGUE)}
 QUICK = {
     "bar points": [30],
@@ -45,7 +51,7 @@ MARK = {"minimum": "o", "degenerate": "D", "saddle": "X", "steady": "s", "growin
 
 
 class Springs(pd.BondBased):
-    """Springs on a lattice family in 1D, with the law they make there."""
+    """Bond-based model in 1D, with the strain energy density that it has in a homogeneous deformation."""
 
     modulus: float = 1.0
 
@@ -54,7 +60,7 @@ class Springs(pd.BondBased):
 
 
 def growth(scene, u) -> tuple[float, int]:
-    """The fastest rate √(E₀/ρ)/L of any model's small motions at u, and how many grow."""
+    """The largest growth rate [√(E₀/ρ)/L] of small motions about u, and the number of modes that grow."""
     J = matrix(scene, u, 1.0).toarray() / scene.body.volumes[0]
     size = np.linalg.norm(J, 2)
     squares = np.asarray(growth_square(jnp.linalg.eigvals(J), size))
@@ -62,6 +68,7 @@ def growth(scene, u) -> tuple[float, int]:
 
 
 def bar(name: str, n: int, N: int) -> dict:
+    """Error, alternation and stability of one model on the singular bar of n points, for both signs of the load."""
     model = CATALOGUE[name](pd.LinearElastic(1.0, 0.0), pd.lattice_family(1, N, 1 / n))
     if isinstance(model, pd.BondBased):
         model = Springs(model.c, model.m)
@@ -90,7 +97,7 @@ def bar(name: str, n: int, N: int) -> dict:
 
 
 def drive(motion, steps: int, shape) -> dict:
-    """One run of the cuboid: the strain at which it fails, or None."""
+    """One run of the cuboid: the strain at which it fails (None if it does not), and measures of the run."""
     h = motion.scene.body.spacing
     cut = {"force": pd.observers.section_force(motion.scene.body, 0.5 * h * shape[0])}
     dt = motion.duration / steps
@@ -111,6 +118,7 @@ def drive(motion, steps: int, shape) -> dict:
 
 
 def cuboid(name: str, shape, N: int) -> dict:
+    """Failure strains of one model on the cuboid, from rest and from a random start, and its Young's moduli."""
     model = CATALOGUE[name](pd.LinearElastic(1.0, 1.0), pd.lattice_family(3, N, 1 / shape[-1]))
     family = pd.lattice_family(3, N, 1 / shape[-1])
     out, small = {}, 1e-5
@@ -122,7 +130,7 @@ def cuboid(name: str, shape, N: int) -> dict:
         noise = SEED * motion.scene.body.spacing * np.random.default_rng(0).normal(size=motion.start.shape)
         shaken = eqx.tree_at(lambda m: m.start, motion, jnp.where(motion.free, noise, motion.start))
         if sign > 0 and not model.hyperelastic:
-            # 1e-3 is rounding: sideways translation and rolling about x are free
+            # Sideways translation and rotation about x are free, so that rounding alone gives a rate of about 1e-3.
             out["growth rate at rest"] = growth(motion.scene, motion.start)[0]
         out[side] = {"steps": steps, **drive(motion, steps, shape), "seeded": drive(shaken, steps, shape)}
     out["Young's modulus of the body"] = (out["tension"]["stiffness"] + out["compression"]["stiffness"]) / 2
@@ -162,18 +170,18 @@ def draw(numbers: dict) -> Figure:
     middle.set_xlabel("bar: alternation of u, relative  [–]")
     right.set_xlim(-1.12 * end, 1.12 * end)
     right.axvline(0, color="black", linewidth=0.8)
-    right.set_xlabel("cuboid: strain of the ends survived  [%]")
+    right.set_xlabel("cuboid: end strain reached without failure  [%]")
     for on in (left, middle, right):
         on.grid(axis="both", color="#dddddd", linewidth=0.5)
         on.set_axisbelow(True)
     for side in SIDES:
         left.plot([], [], "o", color=TINT[side], label=side)
         right.barh(0, 0, color=TINT[side], alpha=0.9, label=f"fails in {side}")
-        right.barh(0, 0, color=TINT[side], alpha=0.35, label=f"comes through {side}")
+        right.barh(0, 0, color=TINT[side], alpha=0.35, label=f"no failure in {side}")
     words = {"steady": "no energy: steady", "growing": "no energy: growing"}
     for kind in (k for k in MARK if k in seen):
         left.plot([], [], MARK[kind], color="#777777", label=words.get(kind, kind))
-    right.plot([], [], "k>", markersize=4, label="the same, seeded by h/1000")
+    right.plot([], [], "k>", markersize=4, label="same, from random displacements of h/1000")
     figure.legend(*left.get_legend_handles_labels(), loc="outside lower left", ncols=3, frameon=False, fontsize=8)
     figure.legend(*right.get_legend_handles_labels(), loc="outside lower right", ncols=3, frameon=False, fontsize=8)
     where = numbers["settings"]
@@ -188,7 +196,7 @@ def draw(numbers: dict) -> Figure:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--quick", action="store_true", help="four models, small bodies, another name")
+    parser.add_argument("--quick", action="store_true", help="run four models on small bodies, under another name")
     quick = parser.parse_args().quick
     settings, out = (QUICK, "models_on_scenes-quick") if quick else (FULL, "models_on_scenes")
     file = results() / f"{out}.json"

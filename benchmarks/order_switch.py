@@ -1,11 +1,13 @@
-"""An order m that changes with the sign of the load: does it help? Hydrostatic, uniaxial and shear, both sides.
+"""Does an order m that changes with the sign of the load stabilise the Seth–Hill model?
 
-The paper doubts that an m chosen by the sign of the load is a cure. Under a homogeneous load the model is the one of
-the order chosen, so the orders that are not unstable at once on each side of each path (`pdjax.stable_orders`) say all:
-a switch by the sign of tr E helps where compression and tension each have such orders, and cannot where a side has
-none. (Under simple shear the first order in the load vanishes and decides nothing: NaN; the critical loads do.) The
-price is a jump of the energy at tr E = 0, where the sign changes while the shear does not: Ψ(E_m) differs between
-orders.
+The paper doubts it. The program tests hydrostatic, uniaxial and shear paths with both signs of the load. Under a
+homogeneous load the switched model is the model of the chosen order. It is therefore enough to know the orders that do
+not become unstable at the smallest load, for each path and sign (`pdjax.stable_orders`). A switch by the sign of tr E
+helps where both compression and tension have such orders. It cannot help where one sign has none. Under simple shear
+the first-order term in the load vanishes, so `stable_orders` returns NaN; the critical loads decide instead.
+
+The disadvantage of the switch is a jump of the energy at tr E = 0. There the sign changes while the shear strain does
+not vanish, and the energy Ψ(E_m) differs between the orders.
 """
 
 import jax
@@ -20,6 +22,7 @@ LAW = pd.LinearElastic(1.0, 1.0)
 
 
 def energy(m: float, family, F) -> float:
+    """Energy density of the model of order m at F."""
     return float(pd.SethHill(m, LAW).energy(family.bonds(F)))
 
 
@@ -44,7 +47,7 @@ def main() -> None:
         for side in ("negative", "positive")
     ]
     jumps = []
-    for shear in (0.01, 0.02, 0.04):  # a state of shear with tr E₀ = 0, where the switch would happen
+    for shear in (0.01, 0.02, 0.04):  # pure shear with tr E₀ = 0 (E₀: logarithmic strain), where the order switches
         F = jnp.asarray(np.diag(np.exp([shear, -shear])))
         jumps.append({"shear": shear, "relative jump": energy(-1.0, family, F) / energy(1.0, family, F) - 1})
     write("order_switch", {"stable orders": rows, "critical loads (2D, N = 3)": loads, "energy jump": jumps})

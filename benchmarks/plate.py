@@ -1,7 +1,8 @@
 """The critical load of a clamped square plate of 10⁵ unknowns (2D, N = 3, m = 1, λ = μ = 1, hydrostatic compression).
 
-One linearised eigenproblem at rest and a Newton step or two, each with one sparse factor; two factors prove the
-crossing. `--side` sets the points along a side (default 236: 224² free points, 100 352 unknowns; ~7 minutes, 5 GB).
+The computation needs one linearised eigenproblem at rest and one or two Newton steps, each with one sparse
+factorisation. Two more factorisations prove the crossing. `--side` sets the number of points along a side. The default
+ends with 236: 224² free points, 100 352 unknowns, about 7 minutes, 5 GB.
 """
 
 import argparse
@@ -37,5 +38,5 @@ def one(side: int) -> dict:
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--side", type=int, nargs="+", default=[30, 60, 120, 236])
+    parser.add_argument("--side", type=int, nargs="+", default=[30, 60, 120, 236], help="points along a side")
     write("plate", {"plates": [one(side) for side in parser.parse_args().side]})

@@ -1,7 +1,8 @@
-"""The singular bar: error against the two closed forms, convergence, failure, and what accuracy costs by each method.
+"""The singular bar: error, convergence, failure, and the cost of accuracy by each method of solution.
 
-Errors are relative, root mean square over the points. The nonlinear local solution is what the bar converges to; the
-printed small-strain one differs from it by percents at σ/E₀ = 10⁻³.
+Errors are relative root mean squares over the points. They are measured from two closed forms: the nonlinear local
+solution, to which the bar converges, and the small-strain solution printed in the paper. At σ/E₀ = 10⁻³ the two differ
+by a few percent.
 """
 
 import time
@@ -20,7 +21,7 @@ METHODS = {"newton": "#000000", "newton_krylov": COLOURS["local"], "relaxation":
 
 
 def look(scene, stress, **how) -> dict:
-    """Solve twice (compilation apart) and compare."""
+    """Solve twice, so that the time excludes the compilation, and compare with both closed forms."""
     pd.solve(scene, stability=False, **how)
     start = time.perf_counter()
     found = pd.solve(scene, stability=False, **how)
@@ -43,12 +44,13 @@ def look(scene, stress, **how) -> dict:
 
 
 def order(rows: list[dict]) -> float:
+    """Order of convergence in 1/n."""
     n, e = (np.array([row[key] for row in rows]) for key in ("n", "error, nonlinear local"))
     return float(-np.polyfit(np.log(n), np.log(e), 1)[0])
 
 
 def tractions() -> list[dict]:
-    """α = 0: the exact traction against an even one, tension."""
+    """Errors in tension for α = 0, with the exact traction and with a uniform one."""
     rows = []
     for n in (50, 100, 200, 400):
         errors = {}
@@ -60,7 +62,7 @@ def tractions() -> list[dict]:
 
 
 def draw(numbers: dict) -> Figure:
-    """Left: error over n; right: error over time, by method. Only what converged."""
+    """Draw the error over n (left) and over time by method (right), for converged solutions only."""
     figure = Figure(figsize=(10.4, 4.4), layout="constrained")
     left, right = figure.subplots(1, 2)
     for N, every in numbers["tension by N"].items():
@@ -75,7 +77,7 @@ def draw(numbers: dict) -> Figure:
     left.plot([], [], "s", color=COLOURS["diagonal"], label="compression, N = 3: a minimum")
     left.plot([], [], "x", color=COLOURS["diagonal"], label="compression, N = 3: a saddle")
     three = numbers["tension by N"][3]
-    left.loglog([r["n"] for r in three], [r["error, printed"] for r in three], "k:", label="N = 3, from printed")
+    left.loglog([r["n"] for r in three], [r["error, printed"] for r in three], "k:", label="tension, N = 3: from the paper's form")
     left.set_xlabel("points n  [–]")
     left.set_ylabel("error of u from the local solution  [–]")
     left.set_ylim(5e-3, 8)
@@ -86,7 +88,7 @@ def draw(numbers: dict) -> Figure:
     for r in numbers["methods, tension, N = 3"]["newton"]:
         place = (r["seconds"], r["error"])
         right.annotate(str(r["n"]), place, fontsize=7, xytext=(-4, -9), textcoords="offset points", ha="right")
-    right.set_xlabel("time to solve, compilation apart  [s]")
+    right.set_xlabel("time to solve without compilation  [s]")
     right.set_ylabel("error of u from the local solution  [–]")
     right.legend(frameon=False, fontsize=8)
     figure.suptitle("Singular bar, m = 1, α = 10, σ/E₀ = 10⁻³ (tension), −10⁻⁵ (compression)", fontsize=11)

@@ -1,8 +1,9 @@
-"""Can the Seth–Hill model be stabilised? Critical hydrostatic strain against the strength of each zero-energy control.
+"""Can a zero-energy control stabilise the Seth–Hill model? Critical hydrostatic strain against the control's strength.
 
-The paper advises against stabilising the finite-deformation model and does not test it. Here each control is put on
-orders m = 1, ½, 0, −1 and its number is swept: penalty g and hourglass C from 1e-3 to 10; Wan's has none. The strength
-at which the states ±1, ±5 and ±10 % turn stable is found by bisection.
+The paper advises against stabilising the finite-deformation model but does not test it. Here each control is added to
+the orders m = 1, ½, 0, −1. The strength of the penalty (g) and of the hourglass control (C) varies from 1e-3 to 10.
+Wan's control has no strength parameter. Repeated subdivision finds the strength above which the states at ±1, ±5 and
+±10 % strain are stable.
 """
 
 import argparse
@@ -26,7 +27,7 @@ STATES = (0.01, 0.05, 0.1)
 
 @eqx.filter_jit
 def unstable(models, family, F, intervals):
-    """Verdict of every model of a batch on one state."""
+    """True for each model of a batch that is unstable in the state F."""
     zone = criteria.family_zone(family, "cubic", intervals)
 
     def one(model):
@@ -58,7 +59,7 @@ def strength_needed(kind, m, family, a: float, intervals: int) -> float:
 
 
 def draw(numbers: dict) -> Figure:
-    """Critical strain against strength: rows by dimension, columns by control; what never fails lies on the frame."""
+    """Draw critical strain over strength: rows by dimension, columns by control; no failure is drawn on the frame."""
     dims = sorted({case["dim"] for case in numbers["cases"]})
     figure = Figure(figsize=(9.2, 3.5 * len(dims) + 0.6), layout="constrained")
     axes = figure.subplots(len(dims), 2, squeeze=False, sharex=True)
@@ -83,7 +84,7 @@ def draw(numbers: dict) -> Figure:
         axes[0, 0].plot([], [], color=colour, label=f"m = {m:g}")
     axes[0, 0].plot([], [], color="gray", label="compression")
     axes[0, 0].plot([], [], "--", color="gray", label="tension")
-    axes[0, 0].plot([], [], ":", color="black", label="the law's own (m = 1)")
+    axes[0, 0].plot([], [], ":", color="black", label="local law, m = 1, compression")
     handles = axes[0, 0].get_legend_handles_labels()
     figure.legend(*handles, loc="outside lower center", ncols=7, fontsize=8, frameon=False)
     return figure
@@ -91,7 +92,7 @@ def draw(numbers: dict) -> Figure:
 
 def main() -> None:
     parser = argparse.ArgumentParser()
-    parser.add_argument("--quick", action="store_true", help="2D alone, four strengths")
+    parser.add_argument("--quick", action="store_true", help="run 2D only, with four strengths")
     quick = parser.parse_args().quick
     strengths = np.geomspace(1e-3, 10, 4 if quick else 9)
     numbers: dict = {"law": "LinearElastic(1, 1)", "N": 3, "strengths": strengths.tolist(), "cases": []}

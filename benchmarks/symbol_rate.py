@@ -1,16 +1,18 @@
-"""Symbols per second: the structured way of pdjax, a hand-written Numba kernel, and the naive way.
+"""Symbols per second: pdjax, a hand-written Numba kernel, and a direct computation by `jax.jacrev`.
 
-A symbol here is Ĵ(k) of one state (m, F) at one wave vector, with its largest eigenvalue, and the maximum over the
-zone is what is kept: the screen of a stability map, for general F (no symmetry but inversion).
+One symbol is Ĵ(k) of one state (m, F) at one wave vector, with its largest eigenvalue. For each state the maximum over
+the Brillouin zone is kept, as in a stability map. F is general: of the symmetries only inversion is used.
 
-* pdjax: linearise once for each state, two matrix products with shared tables, closed-form eigenvalues.
-* Numba: the same mathematics by hand for LinearElastic alone, with the shorter form −(Σ b c + r̂ᵀ D r̂), D = ℂ a constant
-  p × p matrix, blocked over waves so that accumulators stay in cache, threaded over states, fastmath. Its linearisation
-  is done by NumPy outside the clock.
-* naive: the row of a patch's Jacobian by `jax.jacfwd`, summed over its points with e^{ik·η}, in one jit.
+* pdjax linearises once for each state. Two matrix products with shared tables and closed-form eigenvalues follow.
+* Numba computes the same for LinearElastic alone, in the shorter form −(Σ b c + r̂ᵀ D r̂), where D = ℂ is a constant
+  p × p matrix. The kernel works on blocks of waves, so that the accumulators stay in the cache. It uses threads over
+  the states and fastmath. NumPy computes its linearisation, which is not timed.
+* naive takes one row of the Jacobian of a patch by `jax.jacrev` and sums it over the points with e^{ik·η}, all in one
+  compiled program.
 
-Floor: in 2D (N = 3, 14 bonds in half a family) 3 + 2·6 rows, 15·14 multiply-adds and some 60 operations for the
-product and the eigenvalue, 0.5 kflop; in 3D (61 bonds) 6 + 2·18 rows, 42·61 multiply-adds, 5.4 kflop.
+Operations per symbol: in 2D (N = 3, 14 bonds in half a family) there are 3 + 2·6 rows, hence 15·14 multiply-adds, and
+about 60 operations for the product and the eigenvalue: 0.5 kflop. In 3D (61 bonds) there are 6 + 2·18 rows, hence
+42·61 multiply-adds: 5.4 kflop.
 """
 
 import jax
@@ -30,7 +32,7 @@ LAW = pd.LinearElastic(1.0, 1.0)
 
 @jax.jit
 def structured(m, F, family, waves):
-    """max over waves of λ_max for every state."""
+    """Maximum of λ_max over all waves, for every state."""
     phases = bloch.wave_phases(family, waves)
 
     def one(m, F):
@@ -42,7 +44,7 @@ def structured(m, F, family, waves):
 
 @numba.njit(parallel=True, fastmath=True, cache=False)
 def by_hand(b, r, D, c, s, dim):
-    """b (states, pairs, half), r (states, p·dim, half), D (p, p), tables c, s (half, waves)."""
+    """The same by Numba: b (states, pairs, half), r (states, p·dim, half), D (p, p), tables c, s (half, waves)."""
     states, pairs, half = b.shape
     rows, waves, p = r.shape[1], c.shape[1], D.shape[0]
     out = np.full(states, -np.inf)
@@ -93,7 +95,7 @@ def by_hand(b, r, D, c, s, dim):
 
 
 def hand_coefficients(m, F, family):
-    """b, r, D for the Numba kernel: one point's formulas in NumPy for all states."""
+    """Coefficients b, r, D of the Numba kernel, computed by NumPy for all states."""
     dim, half = family.dim, family.xi.shape[0] // 2
     xi = np.asarray(family.xi)[:half]
     square = (xi**2).sum(axis=1)
@@ -120,7 +122,7 @@ def hand_coefficients(m, F, family):
 
 
 def naive(dim, N):
-    """Ĵ(k) from the jacfwd row of a two-horizon patch, jitted: (m, F, k) → λ_max."""
+    """Compiled function (m, F, k) → λ_max of Ĵ(k), from the Jacobian row (`jax.jacrev`) of a two-horizon patch."""
     cells = 4 * N + 1
     body = pd.lattice((cells,) * dim)
     families = pd.families(body, float(N))

@@ -119,6 +119,7 @@ LONG = {
     "stability_map",
     "stable_orders",
     "critical_load",
+    "load_slope",
 }  # left out, because a call takes long or writes files
 
 
