@@ -1,9 +1,9 @@
 """Cost and errors of each stability criterion, compared with the symbol over the default map.
 
 The states (m, a) are those of the default map: 2D, N = 3, hydrostatic load. A missed instability is a state that is
-unstable by the symbol and stable by the criterion. A false alarm is the reverse. Instability by a necessary criterion
-proves instability, so such a criterion can miss instabilities but never raises a false alarm. The material test is
-sufficient for stability, so it can raise false alarms but never misses an instability.
+unstable by the symbol and stable by the criterion. A false alarm is the reverse. A criterion that is necessary for
+stability can miss instabilities but never raises a false alarm. The material test is sufficient for stability, so it
+can raise false alarms but never misses an instability.
 """
 
 import jax

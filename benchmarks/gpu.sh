@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
-# The whole benchmark on whatever device JAX has, with what fraction of the device's own bandwidth and flops (measured in
-# the same run) each row achieves. Results: results/DEVICE/*.json, *.png, device-report.txt. Goes on after a stop.
+# Runs all benchmark cases on the device that JAX uses. Each row also reports which fraction of the bandwidth and of the
+# flops of the device it achieves; both limits are measured in the same run. Results: results/DEVICE/*.json, *.png,
+# device-report.txt. After an interruption, start the script again: it continues.
 #
 #   pip install -e ".[bench]" "jax[cuda12]"     # or another plugin of JAX
 #   benchmarks/gpu.sh                           # or: benchmarks/gpu.sh --quick, benchmarks/gpu.sh jacobians precision

@@ -1,14 +1,16 @@
-"""pdjax beside what a user would pick instead: hand-written Numba kernels, LAMMPS, NumPy and SciPy by differences.
+"""pdjax compared with its alternatives: hand-written Numba kernels, LAMMPS, and finite differences in NumPy and SciPy.
 
-First they must agree, then they are timed, in one run and in turns (A B C A B C …), so that a busy machine hits all
-alike; a time is the median of its turns, with the fastest beside it. A cube of 32³ points (--quick: 12³), horizon 3.015
-spacings (and 6 for Silling's correspondence), float64. A peer that isn't installed is named and left out.
+The program first checks that all codes agree, then times them. It calls them in turns within one run (A B C A B C …),
+so that other load on the machine affects all alike. A time is the median over the turns, with the fastest beside it.
+The body is a cube of 32³ points (--quick: 12³). The horizon is 3.015 spacings, and also 6 for Silling's correspondence
+model. All computations use float64. A peer that is not installed is named and left out.
 
-* force: seconds of one f(u), from an array (points, 3) to an array (points, 3); and by bond. pdjax takes the cheapest
-  way a lattice has; its padded families, what a general cloud is evaluated by, belong beside Numba's neighbour lists.
-* Hessian of LPS: `pd.jacobian` beside LAMMPS's dynamical_matrix and beside central differences of the Numba kernel.
-* spectrum of a held body: `pd.body_spectrum` beside ARPACK on differences of the Numba kernel.
-* stability map: `pd.stability_map` beside NumPy with a Jacobian by differences, on the same waves.
+* force: seconds of one evaluation f(u), from an array (points, 3) to an array (points, 3), and time per bond. pdjax
+  uses its fastest evaluation for a uniform lattice. Its padded families, which serve for a general cloud of points, are
+  to be compared with Numba's neighbour lists.
+* Hessian of LPS: `pd.jacobian`, LAMMPS's dynamical_matrix, and central differences of the Numba kernel.
+* spectrum of a held body: `pd.body_spectrum`, and ARPACK on differences of the Numba kernel.
+* stability map: `pd.stability_map`, and NumPy with a Jacobian by differences on the same waves.
 """
 
 import importlib
@@ -45,19 +47,19 @@ MODELS = {
 
 
 def ours(model, families, way="auto"):
-    """pdjax's side of every comparison: f(u), compiled."""
+    """Compiled force f(u) of pdjax, for every comparison."""
     operator = pd.force_operator(model, families, way)
     return lambda u: np.asarray(operator(jnp.asarray(u)))
 
 
 def peer(name: str):
-    """A module of benchmarks/peers, or None, said once, if what it needs is not installed."""
+    """Import a module of benchmarks/peers; if its dependencies are missing, print a message and return None."""
     try:
         module = importlib.import_module(f"peers.{name}")
         if name == "lammps_peri":
             module.library()
     except (ImportError, OSError) as error:
-        print(f"left out: {name} ({error}); pip install -e '.[peers]' brings it")
+        print(f"left out: {name} ({error}); install it with pip install -e '.[peers]'")
         return None
     return module
 
@@ -66,7 +68,7 @@ PEERS = {name: peer(name) for name in ("lattice_forces", "list_forces", "grid", 
 
 
 def contenders(name: str, body: pd.Points, horizon: float) -> dict:
-    """name → f(u) of every peer that has the model, LAMMPS apart."""
+    """Map name → f(u) of pdjax and of every peer that has the model, except LAMMPS."""
     model, kind, constants, _ = MODELS[name]
     families = pd.families(body, horizon)
     made = {"pdjax": ours(model, families), "pdjax, families, 2": ours(model, families, "families")}
@@ -80,11 +82,11 @@ def contenders(name: str, body: pd.Points, horizon: float) -> dict:
 
 
 def in_turns(work: dict, turns: int) -> dict:
-    """Median and fastest seconds of each of `work`, one call of each in every turn."""
+    """Median and fastest seconds of each call in `work`; every turn calls each of them once."""
     spent: dict[str, list[float]] = {name: [] for name in work}
     for _ in range(turns):
         for name, call in work.items():
-            time.sleep(0.01)  # threads of the one before stop spinning
+            time.sleep(0.01)  # lets the threads of the previous call stop spinning
             start = time.perf_counter()
             call()
             spent[name].append(time.perf_counter() - start)
@@ -92,7 +94,7 @@ def in_turns(work: dict, turns: int) -> dict:
 
 
 def forces(name: str, side: int, horizon: float, turns: int) -> dict:
-    """Agreement, seconds and ratios of one model."""
+    """Differences from pdjax, seconds and ratios of speed for one model."""
     body = pd.lattice((side,) * 3)
     u = 1e-3 * np.random.default_rng(0).normal(size=(side**3, 3))
     made = contenders(name, body, horizon)
@@ -127,13 +129,13 @@ def forces(name: str, side: int, horizon: float, turns: int) -> dict:
 
 
 def _bonds(side: int, horizon: float) -> int:
-    """Directed bonds of a cube."""
+    """Number of directed bonds of a cube."""
     cells = np.abs(np.round(np.asarray(pd.lattice_family(3, horizon).xi)).astype(int))
     return int(np.prod(np.maximum(side - cells, 0), axis=1).sum())
 
 
 def hessians(side: int) -> dict:
-    """J of LPS at rest, with LAMMPS's volumes: error of the differences by step, seconds of all."""
+    """Jacobian of LPS at rest, with LAMMPS's partial volumes: errors by difference step, and seconds."""
     body, horizon = pd.lattice((side, side - 1, side - 2)), 3.015
     model, _, _, (kind, constants, influence) = MODELS["LPS"]
     part = pd.partial_volume_influence(influence, body.spacing)
@@ -161,7 +163,7 @@ def hessians(side: int) -> dict:
 
 
 def spectra(side: int, count: int = 4) -> dict:
-    """The largest eigenvalues of a cube held at one face, Seth–Hill m = 1, stretched by 1 %."""
+    """The largest eigenvalues of a cube held at one face (Seth–Hill, m = 1, stretched by 1 %)."""
     body, horizon = pd.lattice((side,) * 3), 2.0
     X = body.positions
     held = np.flatnonzero(X[:, 0] < 1)
@@ -197,7 +199,7 @@ def spectra(side: int, count: int = 4) -> dict:
 
 
 def maps(orders: int, loads: int, intervals: int = 24) -> dict:
-    """A stability map in 2D, N = 3: verdicts and seconds of pdjax and of NumPy with differences."""
+    """A stability map in 2D, N = 3: verdicts and seconds of pdjax and of NumPy with finite differences."""
     m, a = np.linspace(-2, 2, orders), np.linspace(-0.3, 0.3, loads)
     kept = {"N": 3, "dim": 2, "law": pd.LinearElastic(1.0, 1.0), "resolution": intervals, "show_progress": False}
     ours = timed(lambda: pd.stability_map(m, a, **kept).margin, repeats=3)
@@ -208,7 +210,9 @@ def maps(orders: int, loads: int, intervals: int = 24) -> dict:
     start = time.perf_counter()
     theirs = np.array([[lattice.largest(x, (1 + y) * np.eye(2), waves) for y in a] for x in m])
     spent = time.perf_counter() - start
-    kept_values = np.asarray(grid.eigenvalue)  # where stable: of the least margin, which weighs waves by their length
+    # The map keeps the eigenvalue of the wave with the largest margin. A margin is divided by κ², so that in a stable
+    # state this need not be the largest eigenvalue.
+    kept_values = np.asarray(grid.eigenvalue)
     same, positive = (theirs > 1e-7) == (kept_values > 1e-7), theirs > 1e-7
     off = np.abs(theirs - kept_values)[positive] / theirs[positive]
     return {
@@ -223,7 +227,7 @@ def maps(orders: int, loads: int, intervals: int = 24) -> dict:
 
 
 def chart(rows: dict) -> Figure:
-    """Nanoseconds per bond, model by model; filled: one thread or LAMMPS, open: two threads."""
+    """Draw nanoseconds per bond by model. Filled marks: pdjax or one thread; open marks: two threads."""
     figure = Figure(figsize=(8.2, 4.4), layout="constrained")
     axes = figure.subplots()
     for place, row in enumerate(rows.values()):

@@ -77,7 +77,7 @@ def draw(numbers: dict) -> Figure:
     left.plot([], [], "s", color=COLOURS["diagonal"], label="compression, N = 3: a minimum")
     left.plot([], [], "x", color=COLOURS["diagonal"], label="compression, N = 3: a saddle")
     three = numbers["tension by N"][3]
-    left.loglog([r["n"] for r in three], [r["error, printed"] for r in three], "k:", label="tension, N = 3: from the paper's form")
+    left.loglog([r["n"] for r in three], [r["error, printed"] for r in three], "k:", label="N = 3, from printed form")
     left.set_xlabel("points n  [–]")
     left.set_ylabel("error of u from the local solution  [–]")
     left.set_ylim(5e-3, 8)

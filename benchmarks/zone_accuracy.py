@@ -1,9 +1,9 @@
 """Accuracy of the search over the Brillouin zone against its time, with and without local refinement.
 
 The states are random (m, a) of the default map (2D, N = 3). The reference is the refined search at 96 grid intervals.
-"grid" takes the best grid point by the closed-form eigenvalue. "refined" is the search that pdjax uses: it refines the
-best grid points locally. Wrong verdicts are counted too. Near the half-reciprocal points the symbol of Seth–Hill models
-has flat, narrow valleys, which a grid alone can miss.
+"grid" takes the best grid point by the closed-form eigenvalue. "refined" is the search that pdjax uses: it starts
+damped Newton iterations near the best grid points. Wrong verdicts are counted too. Near the half-reciprocal points the
+symbol of Seth–Hill models has flat, narrow valleys, which a grid alone can miss.
 """
 
 import jax

@@ -1,10 +1,11 @@
-"""What a user would pick instead of pdjax: honest opponents for the benchmarks, and nothing that pdjax itself uses.
+"""Alternatives to pdjax that the benchmarks compare it with; pdjax itself does not use them.
 
-    lattice_forces   Numba by hand on a uniform lattice, no index list (grid, lattice_kernels, silling_kernel)
-    list_forces      Numba by hand on any cloud, a list of neighbours (list_kernels)
+    lattice_forces   hand-written Numba on a uniform lattice, no index list (grid, lattice_kernels, silling_kernel)
+    list_forces      hand-written Numba on any cloud, with a list of neighbours (list_kernels)
     lammps_peri      LAMMPS's PERI package: peri/pmb, peri/lps, dynamical_matrix
     by_differences   NumPy and SciPy: Jacobians, symbols and spectra by finite differences and ARPACK
 
-Each force is an object made once (its reference quantities computed) and called as f(u), (points, 3) → (points, 3).
-`pip install -e ".[peers]"` installs what they need; a module whose package is missing raises ImportError when loaded.
+Each force is an object. Its constructor computes the reference quantities once, and f(u) maps (points, 3) to
+(points, 3). `pip install -e ".[peers]"` installs the dependencies. A module whose dependency is missing raises
+ImportError on import.
 """

@@ -1,6 +1,7 @@
 """NumPy and SciPy as peers: Jacobians, symbols and spectra by finite differences of a force, and ARPACK.
 
-What a user without automatic differentiation does: a force in NumPy, central differences of it, `eigsh`.
+This is the approach of a user without automatic differentiation: a force written in NumPy, its central differences, and
+`eigsh`.
 """
 
 import numpy as np
@@ -8,7 +9,7 @@ import scipy.sparse.linalg as sla
 
 
 def jacobian(force, u, step):
-    """∂f/∂u, dense, by central differences: two force evaluations for each column."""
+    """Dense ∂f/∂u by central differences, with two force evaluations for each column."""
     u = np.asarray(u, dtype=float)
     J = np.empty((u.size, u.size))
     for k in range(u.size):
@@ -20,9 +21,10 @@ def jacobian(force, u, step):
 
 
 def largest_eigenvalues(force, u, step, count):
-    """The `count` largest eigenvalues of ∂f/∂u (equal volumes, an energy: symmetric) by ARPACK on differences along v.
+    """The `count` largest eigenvalues of ∂f/∂u by ARPACK, with products J v by central differences along v.
 
-    Returns the eigenvalues, largest first, and the number of force evaluations.
+    ∂f/∂u must be symmetric, that is, the volumes are equal and the model has an energy. The function returns the
+    eigenvalues, largest first, and the number of force evaluations.
     """
     u = np.asarray(u, dtype=float)
     calls = 0
@@ -41,7 +43,7 @@ def largest_eigenvalues(force, u, step, count):
 
 
 class SethHillLattice:
-    """Seth–Hill correspondence with a linear law on an infinite lattice, in NumPy: the peer of a stability map."""
+    """Seth–Hill correspondence with a linear law on an infinite lattice, in NumPy, for the stability map."""
 
     def __init__(self, xi, weight, lam, mu):
         self.xi, self.w, self.lam, self.mu = np.asarray(xi), np.asarray(weight), lam, mu
@@ -50,10 +52,10 @@ class SethHillLattice:
         self.nn = n[:, :, None] * n[:, None, :]
         dim = self.xi.shape[1]
         L = np.einsum("b,bij,bkl->ijkl", self.w, self.nn, self.nn).reshape(dim * dim, dim * dim)
-        self.L_inverse = np.linalg.pinv(L)  # on symmetric tensors
+        self.L_inverse = np.linalg.pinv(L)  # pseudo-inverse: L acts on symmetric tensors only
 
     def force_state(self, eta, m):
-        """T (bonds, dim) of one family with relative displacements η."""
+        """Force states T (bonds, dim) of one family with relative displacements η (bonds, dim)."""
         g = np.sum((2 * self.xi + eta) * eta, axis=1) / self.square
         e = np.log1p(g) / 2 if m == 0 else ((1 + g) ** m - 1) / (2 * m)
         dim = self.xi.shape[1]
@@ -65,7 +67,7 @@ class SethHillLattice:
         return pull[:, None] * (self.xi + eta)
 
     def largest(self, m, F, waves, step=1e-6):
-        """max over waves (waves, dim) of the largest eigenvalue of the symbol, C = ∂T/∂η by central differences."""
+        """Largest eigenvalue of the symbol over all waves (waves, dim), with C = ∂T/∂η by central differences."""
         bonds, dim = self.xi.shape
         eta = self.xi @ (F - np.eye(dim)).T
         C = np.empty((bonds, dim, bonds, dim))
@@ -74,7 +76,7 @@ class SethHillLattice:
                 e = np.zeros_like(eta)
                 e[c, i] = step
                 C[:, :, c, i] = (self.force_state(eta + e, m) - self.force_state(eta - e, m)) / (2 * step)
-        # f = Σ_j (T_ij − T_ji) V_j of u = v exp(ik·x): Ĵ = Σ_bc w_b (1 − e^{−ik·ξ_b}) C_bc (e^{ik·ξ_c} − 1)
+        # From f = Σ_j (T_ij − T_ji) V_j with u = v exp(ik·x): Ĵ = Σ_bc w_b (1 − e^{−ik·ξ_b}) C_bc (e^{ik·ξ_c} − 1)
         phase = np.exp(1j * waves @ self.xi.T)
         volume = self.w
         symbols = np.einsum("kb,bicj,kc->kij", volume * (1 - phase.conj()), C, phase - 1, optimize=True)

@@ -1,8 +1,13 @@
-"""A lattice body in flat memory, for kernels without an index list: a neighbour is a constant number of places away.
+"""Memory layout of a lattice body for kernels without an index list: a neighbour lies at a constant offset in memory.
 
-A point (x, y, z) lies at ((x n_y + y) s + z). Either there are r empty places behind each row, r the reach and
-s = n_z + r, so that z + dz outside the body falls into them, while x and y are clipped by the loops; or a border of r
-empty places on every side. Several rows are one long loop for the vector unit.
+A point (x, y, z) has the index (x n_y + y) s + z, where s is the stride of a row. There are two layouts, with r the
+reach of the family in cells:
+
+* r empty places follow each row, s = n_z + r. A neighbour z + dz outside the body falls into them; the loops limit x
+  and y.
+* A border of r empty places surrounds the body on every side.
+
+Several rows form one long loop, which the vector unit processes.
 """
 
 import numpy as np
@@ -10,13 +15,14 @@ from numba import njit
 
 from .power import FAST
 
-ROWS = 8  # rows of one block: 13 arrays of 8 rows of 35 fit a first-level cache of 32 KiB
+ROWS = 8  # rows of one block: 13 arrays of 8 rows of 35 numbers fit into a first-level cache of 32 KiB
 
 
 class Grid:
-    """A lattice body of `shape` points, its half family (offsets, ξ, w = ω V), and how flat arrays lie in memory.
+    """A lattice body of `shape` points, its half family (offsets, ξ, w = ω V), and the layout of flat arrays.
 
-    influence: (r, δ) → ω, None for 1; border: r empty places on every side instead of r behind each row.
+    influence is a function (r, δ) → ω; None means ω = 1. With border=True, r empty places surround the body on every
+    side; otherwise r empty places follow each row.
     """
 
     def __init__(self, shape, spacing, horizon, influence=None, border=False):
@@ -25,7 +31,7 @@ class Grid:
         cells = np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), axis=-1).reshape(-1, 3)
         square = (cells**2).sum(axis=1)
         cells = cells[(square > 0) & (square <= (horizon / spacing * (1 + 1e-9)) ** 2)]
-        self.cells = cells[len(cells) // 2 :]  # lexicographic: x > 0, or x = 0 and y > 0, or ...
+        self.cells = cells[len(cells) // 2 :]  # lexicographic order: keeps x > 0, or x = 0 and y > 0, or ...
         self.shape, self.points_count, self.reach = tuple(shape), int(np.prod(shape)), reach
         self.border = reach if border else 0
         self.spacing = float(spacing)
@@ -36,21 +42,24 @@ class Grid:
         nx, ny, nz = (n + 2 * self.border for n in shape)
         stride = nz if border else nz + reach
         self.full = (nx, ny, stride)
-        self.size = nx * ny * stride + (ROWS + 2) * stride  # what reads past the last row finds zeros
+        self.size = nx * ny * stride + (ROWS + 2) * stride  # reads beyond the last row find zeros
         self.offset = (self.cells[:, 0] * ny + self.cells[:, 1]) * stride + self.cells[:, 2]
         z = np.tile(np.arange(stride), ROWS)
         steps = axis[:, None]
         self.inside = ((z < nz) & (z + steps >= 0) & (z + steps < nz)).astype(float)
 
     def flat(self, x):
-        """(points, components) → (components, size), zero in the empty places."""
+        """Copy (points, components) to (components, size), with zeros in the empty places."""
         out = np.zeros((x.shape[1], self.size))
         spread(np.ascontiguousarray(x), out, self.shape, self.full, self.border)
         return out
 
     def rows(self):
-        """The half family by rows: (rows, 4) of offset, dx h, dy h and the largest |dz|, and weights (rows, |dz|), with
-        spare zeros at the end; (0, 0) is the point's own row."""
+        """The half family sorted by rows of neighbours (dx, dy); (0, 0) is the point's own row.
+
+        Returns an array (rows, 4) of offset, dx h, dy h and the largest |dz|, and the weights (rows, |dz|) with spare
+        zeros at the end.
+        """
         weights, size = {}, self.reach + 5
         for (x, y, z), w in zip(self.cells, self.w, strict=True):
             weights.setdefault((x, y), np.zeros(size))[abs(z)] = w
@@ -60,8 +69,10 @@ class Grid:
         return np.array(shape, dtype=float), np.array(list(weights.values()))
 
     def family_sums(self, values, odd=False):
-        """Σ over every point's true neighbours of values on the half family, (half, c) → (points, c); opposite
-        neighbours have the same value, or if odd the opposite one."""
+        """Sum values of the half family (half, c) over the existing neighbours of every point → (points, c).
+
+        Opposite neighbours have the same value; with odd=True they have opposite values.
+        """
         r, shape = self.reach, self.shape
         present = np.zeros([n + 2 * r for n in shape])
         present[tuple(slice(r, r + n) for n in shape)] = 1
@@ -75,6 +86,7 @@ class Grid:
 
 @njit(**FAST)
 def spread(x, out, shape, full, border):
+    """Copy x (points, components) into the flat arrays out (components, size)."""
     nx, ny, nz = shape
     for i in range(nx):
         for j in range(ny):
@@ -87,7 +99,7 @@ def spread(x, out, shape, full, border):
 
 @njit(**FAST)
 def collect(x, out, shape, full, border):
-    """Sum over the threads' grids x (threads, components, size)."""
+    """Sum the grids x (threads, components, size) of all threads into out (points, components)."""
     nx, ny, nz = shape
     for i in range(nx):
         for j in range(ny):

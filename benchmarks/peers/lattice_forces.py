@@ -1,7 +1,8 @@
-"""Forces of a 3D lattice body by hand-written kernels: one class a model, f = Model(grid, …, threads), f(u).
+"""Forces of a 3D lattice body by hand-written kernels, one class for each model.
 
-What does not change with u is computed here, once, by NumPy: ξ, w, |ξ|, m_w, L⁻¹ C L⁻¹, K⁻¹, Σwξ. At a surface these
-are those of the point's own family, as in pdjax.
+f = Model(grid, …, threads) makes a force, and f(u) evaluates it. NumPy computes here, once, the quantities that do not
+depend on u: ξ, w, |ξ|, m_w, L⁻¹ C L⁻¹, K⁻¹, Σwξ. Near a surface they are sums over the point's own, incomplete family,
+as in pdjax.
 """
 
 from functools import cache
@@ -15,14 +16,14 @@ from .silling_kernel import silling_kernel
 
 
 def mandel(xi):
-    """n⊗n of bonds (bonds, 3) as Mandel vectors (bonds, 6): xx, yy, zz, √2 xy, √2 xz, √2 yz."""
+    """The tensors n⊗n of bonds (bonds, 3) as Mandel vectors (bonds, 6): xx, yy, zz, √2 xy, √2 xz, √2 yz."""
     n = xi / np.linalg.norm(xi, axis=1)[:, None]
     i, j = [0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]
     return n[:, i] * n[:, j] * np.where(np.equal(i, j), 1.0, np.sqrt(2))
 
 
 def isotropic(lam, mu):
-    """λ I⊗I + 2μ 𝟙 as a Mandel matrix."""
+    """The stiffness λ I⊗I + 2μ 𝟙 as a Mandel matrix."""
     trace = (np.arange(6) < 3).astype(float)
     return lam * np.outer(trace, trace) + 2 * mu * np.eye(6)
 
@@ -33,7 +34,7 @@ def _sweep(bond, threads):
 
 
 class _Bondwise:
-    """Fields u and the points' states, tables of constants of the offsets, sums of each thread."""
+    """Base class of the bond-by-bond models: it holds u, the states of the points, and the sums of each thread."""
 
     def __init__(self, grid, threads, states=0):
         self.grid, self.threads = grid, threads
@@ -50,7 +51,7 @@ class _Bondwise:
         spread(np.asarray(u), self.fields[:3], self.grid.shape, self.grid.full, 0)
 
     def _state(self, sums):
-        """The points' states, a constant matrix times the sums."""
+        """Compute the states of the points: a constant matrix times the sums."""
         states = self.fields[3 : 3 + sums.shape[1]]
         kernels.point_product(sums, states, self.matrices, self.kind, self.grid.shape, self.grid.full)
 
@@ -74,7 +75,7 @@ class PMB(_Bondwise):
 
 
 class LPS(_Bondwise):
-    """`pd.LPS(bulk, shear)`; the states are p and α."""
+    """`pd.LPS(bulk, shear)`; the state of a point is (p, α)."""
 
     def __init__(self, grid, bulk, shear, threads=1):
         super().__init__(grid, threads, states=2)
@@ -94,7 +95,7 @@ class LPS(_Bondwise):
 
 
 class SethHill(_Bondwise):
-    """`pd.SethHill(m, pd.LinearElastic(lam, mu))`; the states are Z = L⁻¹ C L⁻¹ Σ w e_m n⊗n, a Mandel vector."""
+    """`pd.SethHill(m, pd.LinearElastic(lam, mu))`; the state is Z = L⁻¹ C L⁻¹ Σ w e_m n⊗n, a Mandel vector."""
 
     def __init__(self, grid, m, lam, mu, threads=1):
         super().__init__(grid, threads, states=6)
@@ -103,7 +104,7 @@ class SethHill(_Bondwise):
         constants = [grid.xi, 1 / self.square, order, grid.w / self.square, grid.w[:, None] * v, v, terms]
         self.table = np.column_stack(constants)
         L = grid.family_sums(np.einsum("b,bp,bq->bpq", grid.w, v, v).reshape(n, 36))
-        # points whose families are cut alike share a matrix: at most (2r + 1)³ of them
+        # Points with equally cut families share a matrix. There are at most (2r + 1)³ different matrices.
         _, first, self.kind = np.unique(np.round(L / L.max(), 12), axis=0, return_index=True, return_inverse=True)
         inverse = np.linalg.inv(L[first].reshape(-1, 6, 6))
         self.matrices = inverse @ isotropic(lam, mu) @ inverse
@@ -118,7 +119,7 @@ class SethHill(_Bondwise):
 
 
 class Silling:
-    """`pd.Correspondence(pd.LinearElastic(lam, mu))`; its grid has a border: Grid(..., border=True)."""
+    """`pd.Correspondence(pd.LinearElastic(lam, mu))`; it needs a grid with a border, Grid(..., border=True)."""
 
     def __init__(self, grid, lam, mu, threads=1):
         wxi = grid.w[:, None] * grid.xi

@@ -1,8 +1,9 @@
-"""Numba kernels of forces on a uniform 3D lattice, bond by bond: springs, LPS, Seth–Hill.
+"""Numba kernels of forces on a uniform 3D lattice, bond by bond: bond-based (PMB), LPS, Seth–Hill.
 
-A row of points meets a row of neighbours at one offset: plain vector loads. Each bond is computed once and its result
-goes to both ends; `inside` is 0 where z + dz leaves the body. A thread sums into a grid of its own; they are added.
-Reference quantities are given; the influence function is any ω(|ξ|), volumes are equal.
+A row of points is combined with a row of neighbours at one offset, so that all loads are plain vector loads. Each bond
+is computed once, and its result is added at both ends. `inside` is 0 where z + dz lies outside the body. Each thread
+sums into its own grid; the grids are added at the end. The reference quantities are given. The influence function may
+be any ω(|ξ|); the volumes are equal.
 """
 
 import numpy as np
@@ -13,8 +14,11 @@ from .power import FAST, power_strain
 
 
 def bond_sweep(bond, threads):
-    """The loop over all bonds: `bond(fields, out, spare, a, b, n, row, inside)` does n places from a, neighbours from
-    b, with the offset's constants `row`."""
+    """Make the loop over all bonds.
+
+    `bond(fields, out, spare, a, b, n, row, inside)` treats n points from index a with their neighbours from index b.
+    `row` holds the constants of the offset.
+    """
 
     def sweep(fields, out, cells, offset, table, inside, nx, ny, stride):
         parts = out.shape[0]
@@ -40,7 +44,7 @@ def bond_sweep(bond, threads):
 
 @njit(**FAST)
 def _bond_strain(fields, spare, a, b, n, row):
-    """Y (rows 0 to 2 of spare) and g = (2ξ·η + η·η)/|ξ|² (row 3); row: ξ, 1/|ξ|², ..."""
+    """Write Y to rows 0 to 2 of spare and g = (2ξ·η + η·η)/|ξ|² to row 3; `row` starts with ξ, 1/|ξ|²."""
     x, y, z, inv = row[0], row[1], row[2], row[3]
     ax, ay, az = fields[0, a : a + n], fields[1, a : a + n], fields[2, a : a + n]
     bx, by, bz = fields[0, b : b + n], fields[1, b : b + n], fields[2, b : b + n]
@@ -53,7 +57,7 @@ def _bond_strain(fields, spare, a, b, n, row):
 
 @njit(**FAST)
 def _on_both_ends(out, spare, a, b, n):
-    """f_i += t Y, f_j −= t Y; t is row 3 of spare."""
+    """Add f_i += t Y and f_j −= t Y, where t is row 3 of spare."""
     t = spare[3, :n]
     for c in range(3):
         Y, here, there = spare[c, :n], out[c, a : a + n], out[c, b : b + n]
@@ -76,7 +80,7 @@ def pmb_bond(fields, out, spare, a, b, n, row, inside):
 
 @njit(**FAST)
 def dilatation_bond(fields, out, spare, a, b, n, row, inside):
-    """Σ w |ξ| e of both ends, |ξ| e = |ξ|² g/(1 + s)."""
+    """Add w |ξ| e at both ends, with |ξ| e = |ξ|² g/(1 + s)."""
     _bond_strain(fields, spare, a, b, n, row)
     t, c = spare[3, :n], row[4]
     here, there = out[0, a : a + n], out[0, b : b + n]
@@ -102,7 +106,7 @@ def lps_bond(fields, out, spare, a, b, n, row, inside):
 
 @njit(**FAST)
 def moment_bond(fields, out, spare, a, b, n, row, inside):
-    """Σ w e_m n⊗n (6 Mandel components) of both ends; row 4: m; 6 to 11: w n⊗n; 18 on: the series of e_m."""
+    """Add w e_m n⊗n (6 Mandel components) at both ends; row[4]: m, row[6:12]: w n⊗n, row[18:]: series of e_m."""
     _bond_strain(fields, spare, a, b, n, row)
     g = spare[3, :n]
     power_strain(g, spare[0, :n], row[4], row[18:])
@@ -120,7 +124,7 @@ def moment_bond(fields, out, spare, a, b, n, row, inside):
 
 @njit(**FAST)
 def seth_hill_bond(fields, out, spare, a, b, n, row, inside):
-    """t = w n·(Z_i + Z_j) n s^{2m−2}/|ξ|²; fields 3 to 8 are Z; row 5: w/|ξ|²; 12 to 17: n⊗n."""
+    """t = w n·(Z_i + Z_j) n s^{2m−2}/|ξ|²; fields 3 to 8: Z, row[5]: w/|ξ|², row[12:18]: n⊗n."""
     _bond_strain(fields, spare, a, b, n, row)
     t, m, w = spare[3, :n], row[4], row[5]
     v0, v1, v2, v3, v4, v5 = row[12], row[13], row[14], row[15], row[16], row[17]
@@ -147,7 +151,7 @@ def seth_hill_bond(fields, out, spare, a, b, n, row, inside):
 
 @njit(**FAST)
 def point_product(moments, out, matrices, kind, shape, full):
-    """out[:, i] = matrices[kind_i] Σ_threads moments[:, i] at every true point."""
+    """Set out[:, i] = matrices[kind_i] Σ_threads moments[:, i] at every point of the body."""
     nx, ny, nz = shape
     size = moments.shape[1]
     for i in range(nx):

@@ -1,6 +1,7 @@
-"""Forces of any 3D cloud by the kernels of `list_kernels`: one class a model, f = Model(cloud, …, threads), f(u).
+"""Forces of any 3D cloud by the kernels of `list_kernels`, one class for each model.
 
-`Cloud` finds the pairs (cKDTree) and keeps each once, with W = ω V_i V_j. What does not change with u is computed here.
+f = Model(cloud, …, threads) makes a force, and f(u) evaluates it. `Cloud` finds the pairs of neighbours (cKDTree) and
+stores each pair once, with the weight W = ω V_i V_j. The quantities that do not depend on u are computed here, once.
 """
 
 from functools import cache
@@ -16,7 +17,7 @@ NONE = np.zeros(0)
 
 
 class Cloud:
-    """Points X (points, 3) with volumes; pairs sorted by their first point, `start` their compressed rows."""
+    """Points X (points, 3) with volumes, and their pairs sorted by the first point; `start` marks the rows."""
 
     def __init__(self, positions, volumes, horizon, influence=None):
         self.X = np.ascontiguousarray(positions, dtype=float)
@@ -35,7 +36,7 @@ class Cloud:
         self.width = int(count.max())
 
     def family_sums(self, values):
-        """Σ_j values over the families, (pairs, c) even in ξ and with W for weight → (points, c) with w = ω V_j."""
+        """Sum values (pairs, c), even in ξ and with the weight W, over the families → (points, c) with w = ω V_j."""
         ends, both = np.concatenate([self.i, self.j]), np.concatenate([values, values])
         sums = [np.bincount(ends, column, len(self.X)) for column in both.T]
         return np.stack(sums, axis=1) / self.volumes[:, None]
@@ -47,7 +48,7 @@ def _sweep(bond, states, results, sign, threads):
 
 
 class _Bondwise:
-    """The points' states A, sums of each thread; a subclass says how the states follow."""
+    """Base class: it holds the states A of the points and the sums of each thread. A subclass computes A."""
 
     states = 0
 
@@ -82,7 +83,7 @@ class PMB(_Bondwise):
 
 
 class LPS(_Bondwise):
-    """`pd.LPS(bulk, shear)`; the states are p and α."""
+    """`pd.LPS(bulk, shear)`; the state of a point is (p, α)."""
 
     states = 2
 
@@ -101,7 +102,7 @@ class LPS(_Bondwise):
 
 
 class SethHill(_Bondwise):
-    """`pd.SethHill(m, pd.LinearElastic(lam, mu))`; the states are Z, Mandel vectors."""
+    """`pd.SethHill(m, pd.LinearElastic(lam, mu))`; the state is Z, a Mandel vector."""
 
     states = 6
 
@@ -122,7 +123,7 @@ class SethHill(_Bondwise):
 
 
 class Silling(_Bondwise):
-    """`pd.Correspondence(pd.LinearElastic(lam, mu))`; the states are Z = P K⁻¹."""
+    """`pd.Correspondence(pd.LinearElastic(lam, mu))`; the state is Z = P K⁻¹."""
 
     states = 9
 

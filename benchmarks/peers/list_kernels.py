@@ -1,11 +1,13 @@
-"""Hand-written Numba kernels of forces on any 3D cloud: a list of neighbours for each point (compressed rows).
+"""Hand-written Numba kernels of forces on any 3D cloud, with a list of neighbours for each point (compressed rows).
 
-Each pair is stored once. The neighbours' fields are fetched into short rows, the arithmetic runs on rows in the vector
-unit, and the result goes to both ends. (The vector unit's own gathers took twice as long, and so did computing each
-bond from both its ends.) A thread sums into arrays of its own. Weights are W = ω V_i V_j, the same from both ends, and
-a sum at point i is divided by V_i at last: volumes may differ, ω_ij = ω_ji may not.
+Each pair is stored once. The fields of the neighbours are copied into short rows, the vector unit computes on these
+rows, and the result is added at both ends. Two alternatives took twice as long: gather instructions of the vector unit,
+and computing each bond once from each end. Each thread sums into its own arrays. The weights W = ω V_i V_j are
+the same from both ends; a sum at point i is divided by V_i at the end. Volumes may therefore differ, but ω_ij = ω_ji
+is required.
 
-Rows: 0 to 2 ξ, 3 to 5 η, 6 on the neighbour's state, then the bond's results; `here` is the near point's state.
+Layout of `rows`: 0 to 2 hold ξ, 3 to 5 hold η, 6 and following hold the state of the neighbour, then the results of the
+bond. `here` is the state of the point itself.
 """
 
 import numpy as np
@@ -15,7 +17,7 @@ from .power import FAST, power_strain
 
 
 def list_sweep(bond, states, results, sign, threads):
-    """The loop over all pairs; `sign`: what the far end receives, times the result."""
+    """Make the loop over all pairs. The near end receives the result, the far end `sign` times the result."""
     last = 6 + states
 
     def sweep(u, X, A, start, near, weight, inv, constants, width, out):
@@ -29,7 +31,7 @@ def list_sweep(bond, states, results, sign, threads):
                 a, n = start[i], start[i + 1] - start[i]
                 js = near[a : a + n]
                 for b in range(n):
-                    j = np.uint64(js[b])  # unsigned: no test for an index from the end
+                    j = np.uint64(js[b])  # an unsigned index saves Numba's test for negative indices
                     for c in range(3):
                         rows[c, b] = X[j, c] - X[i, c]
                     for c in range(3):
@@ -60,7 +62,7 @@ def _strain_row(rows, n, inv, g):
 
 @njit(**FAST)
 def _along_bond(rows, n, first, t):
-    """Results: t Y."""
+    """Write t Y to the result rows."""
     for c in range(3):
         xi, eta, out = rows[c, :n], rows[3 + c, :n], rows[first + c, :n]
         for b in range(n):
@@ -159,7 +161,7 @@ def silling_row(rows, here, n, weight, inv, constants):
 
 @njit(**FAST)
 def point_product(parts, matrices, out):
-    """out_i[:n] = matrices_i Σ_threads sums_i, n the length of a sum."""
+    """Set out_i[:n] = matrices_i Σ_threads sums_i, where n is the length of a sum."""
     n = parts.shape[2]
     for i in range(len(out)):
         for part in range(1, parts.shape[0]):
@@ -174,7 +176,7 @@ def point_product(parts, matrices, out):
 
 @njit(**FAST)
 def collect(parts, volumes, out):
-    """f_i = Σ_threads sums_i / V_i."""
+    """Set f_i = Σ_threads sums_i / V_i."""
     for i in range(len(out)):
         for c in range(3):
             total = 0.0

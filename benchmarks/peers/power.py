@@ -1,9 +1,9 @@
-"""The Seth–Hill strain of a row of bonds, vectorised: what both sets of Numba kernels share.
+"""The Seth–Hill strain of a row of bonds, vectorised; both sets of Numba kernels use it.
 
     e = ((1 + g)^m − 1)/2m = ½ g Σ_k c_k g^k,   c_0 = 1,  c_k = c_{k−1} (m − k)/(k + 1)
 
-The binomial series is exact to rounding for |g| ≤ 0.2 with 24 terms, m = 0 included, and takes a few multiply-adds for
-each bond where the calls of log and exp take tens of nanoseconds; beyond, libm is called.
+With 24 terms the binomial series is exact to rounding for |g| ≤ 0.2, also for m = 0. It needs a few multiply-adds for
+each bond, while calls of log and exp take tens of nanoseconds. For larger |g| the functions of libm are called.
 """
 
 import numpy as np
@@ -14,7 +14,7 @@ TERMS = 24
 
 
 def series(m):
-    """½ c_k."""
+    """Coefficients ½ c_k of the series, for k < TERMS."""
     c = [0.5]
     for k in range(1, TERMS):
         c.append(c[-1] * (m - k) / (k + 1))
@@ -23,7 +23,7 @@ def series(m):
 
 @njit(**FAST)
 def power_strain(g, x, m, series):
-    """g → e in place; x is a spare row."""
+    """Replace g by e in place; x is a spare row."""
     n = len(g)
     if m == 1:
         for k in range(n):
@@ -37,7 +37,7 @@ def power_strain(g, x, m, series):
             ell = np.log1p(g[k])
             g[k] = 0.5 * ell if m == 0 else np.expm1(m * ell) / (2 * m)
         return
-    blocks = 1 + int(-38 / np.log(max(top, 1e-17))) // 6  # what is left out is below 1e-16.5 of the sum
+    blocks = 1 + int(-38 / np.log(max(top, 1e-17))) // 6  # the omitted terms are below 10^-16.5 of the sum
     last = 6 * min(blocks, len(series) // 6) - 6
     for k in range(n):
         x[k] = g[k]

@@ -1,12 +1,14 @@
 """Numba kernel of Silling's correspondence on a bordered 3D lattice: two passes of sums over rows of neighbours.
 
-Opposite neighbours come together, M = Σ w ξ⊗(u(+o) − u(−o)) over half the family, and so do the offsets of one row
-(dx, dy): with D = u(row) − u(−row), P = u(row) + u(−row), and W_t the weight at dz = t, one component of u gives
+Opposite neighbours are combined: M = Σ w ξ⊗(u(+o) − u(−o)) over half the family. The offsets of one row (dx, dy) are
+combined as well. Let D = u(row) − u(−row) and P = u(row) + u(−row), and let W_t be the weight at dz = t. One component
+of u then gives
 
     s = W_0 D + Σ_t W_t (D(+t) + D(−t)),   q = Σ_t W_t t h (P(+t) − P(−t)),   M_x += dx h s,  M_y += dy h s,  M_z += q
 
-and f = Σ w ξ·(Z(+o) − Z(−o)) likewise with G = dx h ΔZ_x + dy h ΔZ_y in the place of D: about a third of the operations
-of bond by bond, for any ω(|ξ|). What a surface takes away is −u⊗Σwξ and Z Σwξ, Σwξ being known.
+The force f = Σ w ξ·(Z(+o) − Z(−o)) follows likewise, with G = dx h ΔZ_x + dy h ΔZ_y in place of D. This takes about a
+third of the operations of a bond-by-bond sum, for any ω(|ξ|). At a surface, where the family is incomplete, the terms
+−u⊗Σwξ in M and Z Σwξ in f remain; Σwξ is computed beforehand.
 """
 
 import numpy as np
@@ -18,7 +20,7 @@ from .power import FAST
 
 @njit(**FAST)
 def _moments(u, m0, m1, m2, a, n, rows, weights, D, P):
-    """m_c += Σ wξ_c (u(+o) − u(−o)) of one component of u; rows: (offset, dx h, dy h, widest t); weights (rows, t)."""
+    """Add Σ wξ_c (u(+o) − u(−o)) of one u component to m_c; rows (offset, dx h, dy h, largest t), weights (rows, t)."""
     m0, m1, m2 = m0[a : a + n], m1[a : a + n], m2[a : a + n]
     for r in range(len(rows)):
         o, x, y, w = int(rows[r, 0]), rows[r, 1], rows[r, 2], int(rows[r, 3])
@@ -52,7 +54,7 @@ def _moments(u, m0, m1, m2, a, n, rows, weights, D, P):
 
 @njit(**FAST)
 def _divergence(z0, z1, z2, out, a, n, rows, weights, h, D, P):
-    """out += Σ wξ·(Z(+o) − Z(−o)) of one row of Z."""
+    """Add Σ wξ·(Z(+o) − Z(−o)) of one row of Z to out."""
     out = out[a : a + n]
     for r in range(len(rows)):
         o, x, y, w = int(rows[r, 0]), rows[r, 1], rows[r, 2], int(rows[r, 3])
@@ -84,7 +86,7 @@ def _divergence(z0, z1, z2, out, a, n, rows, weights, h, D, P):
 
 @njit(**FAST)
 def _svk_row(M, u, first, K, Z, a, n, lam, mu):
-    """H = (M − u⊗Σwξ) K⁻¹, P = F (λ tr E I + 2μE), Z = P K⁻¹ at n places from a."""
+    """H = (M − u⊗Σwξ) K⁻¹, P = F (λ tr E I + 2μE), Z = P K⁻¹ at n points from index a."""
     H = np.empty((3, 3))
     P = np.empty((3, 3))
     for k in range(a, a + n):
@@ -125,7 +127,7 @@ def _svk_row(M, u, first, K, Z, a, n, lam, mu):
 
 
 def silling_kernel(threads):
-    """f of Silling's correspondence with the St. Venant–Kirchhoff law; P and D of a block stay in the first cache."""
+    """Make the kernel of f with the St. Venant–Kirchhoff law. P and D of a block stay in the first-level cache."""
 
     def kernel(u, M, Z, f, first, K, rows, weights, h, lam, mu, nx, ny, nz, full, border):
         for i in prange(nx):
@@ -137,7 +139,7 @@ def silling_kernel(threads):
                 M[:, a : a + n] = 0.0
                 for c in range(3):
                     _moments(u[c], M[3 * c], M[3 * c + 1], M[3 * c + 2], a, n, rows, weights, D, P)
-                for row in range(min(ROWS, ny - j)):  # the border keeps its Z = 0
+                for row in range(min(ROWS, ny - j)):  # row by row, so that Z stays 0 in the border
                     b = a + row * full[2]
                     for c in range(3):
                         for k in range(b, b + nz):

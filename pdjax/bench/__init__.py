@@ -1,5 +1,6 @@
-"""Speed against accuracy, measured: the cases of `pdjax bench`, what they share, and `advise`, which reads their rows.
+"""Measurements of speed and accuracy: the cases of `pdjax bench`, their common parts, and `advise`.
 
-A case is one small file with a plan (what to measure, row by row) and a drawing; the table `cases.CASES` names them.
-Nothing here is imported by the rest of the package but `advise`, which needs neither a case nor a picture.
+A case is one small file with a plan of its measurements, row by row, and a function that draws them. The table
+`cases.CASES` lists the cases. `advise` reads the measured rows. It is the only part that the rest of the package
+imports, and it needs neither the cases nor matplotlib.
 """

@@ -1,7 +1,7 @@
-"""`advise`: which setting to take, from what was measured and not from what is believed.
+"""`advise`: the fastest method and setting that meet a tolerance, from measurements.
 
-The rows are those of `pdjax bench`. For one scene they all have the same kind of error, said in the table below, and
-the answer is the row of least wall time among those whose error meets the tolerance.
+The rows come from `pdjax bench`. All rows of one scene have the same kind of error, which the table `SCENES` describes.
+The advice is the row with the least wall time among those whose error meets the tolerance.
 """
 
 import json
@@ -25,9 +25,32 @@ SCENES = {
 
 @dataclass(frozen=True)
 class Advice:
-    """What `advise` found: the method, its settings (N, n, steps, …, dtype), its measured error and seconds.
+    """The answer of `advise`: a method with its settings, its measured error and time.
 
-    evidence: every row measured on that scene, the fastest first; machine: what they were measured on; scene: its name.
+    Attributes
+    ----------
+    method : str
+        Name of the method, for example "newton" or "Tsit5 (5)".
+    settings : dict
+        Settings of the method: N, n, steps, intervals, ..., and dtype.
+    error : float
+        Measured error [-], of the kind that belongs to the scene.
+    seconds : float
+        Measured wall time [s] without compilation.
+    scene : str
+        Name of the scene.
+    tol : float
+        Tolerance [-] that was asked for.
+    evidence : tuple of dict
+        Every row that was measured on the scene, the fastest first.
+    machine : dict
+        Processor, device and versions of the measurements.
+
+    Examples
+    --------
+    >>> advice = pd.advise("critical-load", 1e-3)
+    >>> advice.error <= 1e-3, len(advice.evidence)
+    (True, 17)
     """
 
     method: str
@@ -42,7 +65,7 @@ class Advice:
     def __repr__(self) -> str:
         lines = [
             f"{self.scene}, error ≤ {self.tol:g}: {_described(self.method, self.settings)}",
-            f"  measured: error {self.error:.2e} in {self.seconds:.2e} s, compilation apart, on {self.machine['cpu']}",
+            f"  measured: error {self.error:.2e} in {self.seconds:.2e} s without compilation, on {self.machine['cpu']}",
         ]
         best: dict[str, dict] = {}
         for row in self.evidence:
@@ -65,7 +88,7 @@ def _said(row: dict) -> str:
 
 
 def scene_name(scene: Any) -> str:
-    """The name under which a scene was measured; ValueError listing those that were."""
+    """Return the name under which a scene was measured. Raise ValueError with the measured names if it was not."""
     given = scene.scene if isinstance(scene, Motion) else scene
     name = given.name.replace(" ", "-") if isinstance(given, Scene) else given
     if name not in SCENES:
@@ -75,7 +98,7 @@ def scene_name(scene: Any) -> str:
 
 
 def _rows(name: str, folder: Path) -> tuple[list[dict], dict]:
-    """Every row of the scene that has an error, the fastest first, and the machine."""
+    """Return every row of the scene that has an error, the fastest first, and the machine."""
     rows: list[dict] = []
     machines: list[dict] = []
     for file in sorted(folder.glob("*.json")):
@@ -95,8 +118,10 @@ def _rows(name: str, folder: Path) -> tuple[list[dict], dict]:
 
 
 def _worst(rows: list[dict]) -> list[dict]:
-    """One row for every setting: the worst error and the mean seconds over the loads that a scene was measured at;
-    what was not measured at each of them is left out, for it may be right by luck."""
+    """Return one row for every setting: its largest error and its mean seconds over the loads of the scene.
+
+    A setting that was not measured at every load is left out, because it may be accurate at one load by chance.
+    """
     loads = {row["settings"].get("load") for row in rows}
     groups: dict[str, list[dict]] = {}
     for row in rows:
@@ -113,29 +138,30 @@ def _worst(rows: list[dict]) -> list[dict]:
 def advise(scene: Scene | Motion | str, tol: float, data: str | os.PathLike | None = None) -> Advice:
     """Find the fastest measured setting of a scene whose error meets a tolerance.
 
-    Only the name of a Scene or Motion is used. Its model, load, number of points and horizon are not. The advice is for
-    the scene as it was measured (m = 1 and σ/E₀ = 1e-3; 60 points, u₀ = 2 %), and holds for yours as far as it is
-    similar.
+    `advise` uses only the name of a Scene or Motion. It ignores the model, the load, the number of points and the
+    horizon. The advice is for the scene as it was measured: the singular bar with m = 1 and σ/E₀ = 1e-3, the wave on
+    60 points with u₀ = 2 % of a spacing. It applies to your scene only as far as the two are similar.
 
     Parameters
     ----------
     scene : str, Scene or Motion
         "singular-bar", "wave", "critical-load" or "map", or a result of `pdjax.scenes.singular_bar` or `wave`.
     tol : float
-        Largest error [-], of the kind that was measured on that scene.
+        Largest acceptable error [-], of the kind that was measured on that scene.
     data : path, optional
-        Folder that `pdjax bench --out` has written on your machine. The default are the rows that come with pdjax.
-        Another machine measured them, so their order is more reliable than their seconds.
+        Folder that `pdjax bench --out` has written on your machine. By default `advise` reads the rows that come with
+        pdjax. Another machine measured those, so their order is more reliable than their times.
 
     Returns
     -------
     Advice
-        The method, its settings, error and seconds, and in `evidence` all measured rows, the fastest first.
+        The method, its settings, its error and its time. `evidence` holds all measured rows, the fastest first.
 
     Raises
     ------
     ValueError
-        If the scene was not measured, or if no row meets the tolerance; the message names the best row.
+        If the scene was not measured, if tol is not a finite number > 0, if `data` holds no rows of the scene or rows
+        of several machines, or if no row meets the tolerance. In the last case the message names the best row.
 
     Examples
     --------

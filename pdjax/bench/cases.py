@@ -1,4 +1,4 @@
-"""The table of benchmarks: a new one is one line."""
+"""The table of benchmarks. A new benchmark needs one line here."""
 
 from . import criteria, device, integrators, jacobians, precision, start, statics, ways
 from .harness import Case

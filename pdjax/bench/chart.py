@@ -1,10 +1,10 @@
-"""The chart of the benchmarks: error against wall time, a line for each method."""
+"""The chart of the benchmarks: error against wall time, one line for each method."""
 
 from collections.abc import Callable
 from typing import Any
 
 SHADES = ("#000000", "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#882255", "#888888", "#44AA99")
-LEAST = 1e-17  # an error of 0 is drawn here, below what rounding can leave
+LEAST = 1e-17  # an error of 0 is drawn at this value, which lies below rounding errors
 
 
 def error_against_time(
@@ -15,9 +15,12 @@ def error_against_time(
     note: Callable[[dict], str] = lambda row: "",
     panel: Callable[[dict], str] = lambda row: "",
 ) -> Any:
-    """A log-log Figure: rows that share `line` are joined in the order they were measured, `note` stands beside the
-    points, `panel` parts them into axes; bars reach from the fastest call to the slowest. `error` labels the axis.
-    Rows without an error aren't drawn."""
+    """Draw error against wall time on logarithmic axes; return the matplotlib Figure.
+
+    Rows with the same `line` are joined in the order of their measurement. `note` gives the text beside a point,
+    `panel` the axes to which a row belongs, `error` the label of the vertical axis. The bars reach from the fastest
+    call to the slowest. Rows without an error are not drawn.
+    """
     from matplotlib.figure import Figure
 
     rows = [row for row in rows if row.get("error") is not None]
@@ -40,7 +43,7 @@ def error_against_time(
                 axes.annotate(note(row), (px, py), textcoords="offset points", xytext=(4, 4), fontsize=6, color=shade)
         axes.set_xscale("log")
         axes.set_yscale("log")
-        axes.set_xlabel("wall time, compilation apart  [s]")
+        axes.set_xlabel("wall time without compilation  [s]")
         axes.set_ylabel(error)
         axes.set_title(which, fontsize=10)
         if axes.get_legend_handles_labels()[0]:

@@ -1,11 +1,13 @@
-"""What a critical load costs by each criterion, and how far it is from the exact one: error of a_cr against wall time.
+"""Time and accuracy of the critical load by each criterion: error of a_cr against wall time.
 
-A 2D lattice, N = 3, λ = 3, μ = 1, at constant width (uniaxial strain), under two loads: m = −2 in compression, where
-the worst wave sits at the corner of the zone and most criteria fail somewhere of their own, and m = 0.4 in tension,
-where it sits at (0.734, 0) π/h, on no grid. The exact a_cr is the symbol's at 64 intervals of the zone. "symbol" is
-shown over the intervals of its zone, "grid" is the zone's grid without the climb from its best points, and "body" is
-the critical strain of a clamped square of n × n points, in compression, which tends to the symbol's as n grows. A
-criterion that never fails has no error: its a_cr is null.
+The problem is a 2D lattice with N = 3, λ = 3, μ = 1 in uniaxial strain, under two loads. The first is m = −2 in
+compression, where the worst wave lies at the corner of the Brillouin zone and most criteria have a critical load of
+their own. The second is m = 0.4 in tension, where the worst wave is (0.734, 0) π/h, which lies on no grid.
+
+The exact a_cr is the symbol's with 64 intervals of the zone. "symbol" is measured over the number of intervals. "grid"
+takes the best point of the grid without the ascent from it. "body" is the critical strain of a clamped square of n × n
+points in compression, which tends to the symbol's as n grows. A criterion that never becomes unstable has no error, and
+its a_cr is null.
 """
 
 import math
@@ -34,25 +36,25 @@ LOADS = {"m = −2, compression": (-2.0, "negative"), "m = 0.4, tension": (0.4, 
 CHEAP = ("diagonal", "block", "material_center", "material", "affine", "local", "continuum")
 INTERVALS = (4, 6, 8, 12, 16, 24, 32, 48)
 SQUARES = (14, 16, 18, 20, 22)
-FIT_IN_A_BODY = ("m = −2, compression",)  # squares of 14 and 18 points bear 90 % of the other
-PROBE = 1e-2  # [-], the strain whose multiple is the body's critical load
+FIT_IN_A_BODY = ("m = −2, compression",)  # the other load leaves squares stable up to 90 % strain
+PROBE = 1e-2  # [-], the strain at load factor 1: the critical strain of a body is a multiple of it
 BISECTIONS = 40
 
 
 def model(case: str) -> SethHill:
-    """The model of a load."""
+    """Return the model of a load case."""
     return SethHill(LOADS[case][0], LinearElastic(lam=LAM, mu=MU))  # type: ignore[call-arg, arg-type]
 
 
 def load(case: str, criterion: str, intervals: int | None = None) -> float:
-    """a_cr of one load."""
+    """Return a_cr of a load case by one criterion."""
     family, side = lattice_family(2, N), LOADS[case][1]
     return float(critical_load(model(case), family, uniaxial_strain, criterion, side, resolution=intervals))
 
 
 @cache
 def exact(case: str) -> float:
-    """The symbol's a_cr on a fine zone."""
+    """Return a_cr by the symbol on a fine grid of the zone."""
     return load(case, "symbol", 64)
 
 
@@ -62,12 +64,12 @@ def _row(case: str, work: Callable[[], float]) -> dict:
 
 
 def criterion(case: str, name: str, intervals: int | None = None) -> dict:
-    """One criterion of `critical_load`."""
+    """Measure one criterion of `critical_load`."""
     return _row(case, partial(load, case, name, intervals))
 
 
 def grid(case: str, intervals: int) -> dict:
-    """a_cr by bisection on the best grid point alone."""
+    """Measure a_cr by bisection, with the margin at the best grid point and no ascent from it."""
     family, of, zone = lattice_family(2, N), model(case), brillouin_zone(2, intervals, "orthorhombic")
 
     @jax.jit
@@ -88,14 +90,14 @@ def grid(case: str, intervals: int) -> dict:
 
 
 def body(case: str, n: int) -> dict:
-    """The critical strain of a clamped square."""
+    """Measure the critical strain of a clamped square."""
     probe = math.copysign(PROBE, exact(case))
     scene = clamped_plate((n, n), N, np.diag([1 + probe, 1.0]), model(case))
     return _row(case, lambda: probe * body_critical_load(scene, limit=0.9 / PROBE).factor)
 
 
 def plan(quick: bool) -> Iterator[Task]:
-    """Cheap criteria, the symbol over its zone, the body over its points."""
+    """Plan the cheap criteria, the symbol over the intervals of its zone, and the body over its points."""
     for case in list(LOADS)[: 1 if quick else None]:
         common = {"scene": SCENE, "N": N, "load": case}
         for name in CHEAP[: 2 if quick else None]:
@@ -108,7 +110,7 @@ def plan(quick: bool) -> Iterator[Task]:
 
 
 def draw(rows: list[dict]):
-    """A mark for each cheap criterion, a line for the symbol (intervals) and for the body (points along a side)."""
+    """Draw a mark for each cheap criterion, and lines for the symbol (intervals) and the body (points along a side)."""
     return error_against_time(
         rows,
         "Critical load in uniaxial strain, 2D, N = 3",

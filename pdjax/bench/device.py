@@ -1,11 +1,11 @@
-"""What the device itself can do, measured in the same run, and what fraction of it each row achieves.
+"""Memory bandwidth and arithmetic rate of the device, measured in the same run, and the fraction that each row reaches.
 
-    bandwidth   a ← b + s a over arrays far beyond the caches: 3 arrays of bytes over the time (as STREAM's triad)
+    bandwidth   a ← b + s a over arrays far larger than the caches: bytes of 3 arrays over the time (STREAM's triad)
     flops       C = A B of large square matrices: 2 n³ over the time
 
-No numbers of a data sheet. A row's fractions are bytes/seconds/bandwidth and flops/seconds/flops of its dtype, with the
-bytes and flops that the compiler counts; bytes served by caches count too, so a fraction above 1 is no error: it says
-that memory is not what limits.
+Both are measured and not taken from a data sheet. The fractions of a row are bytes/seconds/bandwidth and
+flops/seconds/flops of its dtype, with the bytes and flops that the compiler counts. Bytes that come from a cache count
+too. A fraction above 1 is therefore not an error: it means that the memory bandwidth does not limit the program.
 """
 
 import math
@@ -23,7 +23,7 @@ from .harness import Case, Task, flat, kernel, read
 
 ROOFS = "roofs"
 DTYPES = ("float64", "float32")
-PASSES = 20  # in place, in one program: fresh memory for every result would measure the operating system's pages
+PASSES = 20  # in place and in one program: new memory for every result would measure the operating system's paging
 
 
 def _triad(count: int, dtype: str) -> dict:
@@ -35,7 +35,7 @@ def _triad(count: int, dtype: str) -> dict:
 
 def _matmul(n: int, dtype: str) -> dict:
     A, B = (jnp.asarray(np.random.default_rng(i).normal(size=(n, n)), dtype) for i in (0, 1))
-    product = lambda A, B: jnp.matmul(A, B, precision="highest")  # noqa: E731  # a float32 is one: no TF32 on GPUs
+    product = lambda A, B: jnp.matmul(A, B, precision="highest")  # noqa: E731  # no TF32 for float32 on GPUs
     C, row = kernel(product, A, B, repeats=5)
     some = np.asarray(A, "longdouble")[:4] @ np.asarray(B, "longdouble")
     error = float(np.abs(np.asarray(C)[:4] - some).max() / np.abs(some).max())
@@ -43,7 +43,7 @@ def _matmul(n: int, dtype: str) -> dict:
 
 
 def plan(quick: bool) -> Iterator[Task]:
-    """Bandwidth at sizes beyond the caches, flops of matrices of two sizes."""
+    """Plan the bandwidth at two sizes larger than the caches, and the flops of matrices of two sizes."""
     for dtype in DTYPES:
         for count in (2**22,) if quick else (2**24, 2**26):
             yield Task("triad", {"size": count}, partial(_triad, count, dtype), dtype)
@@ -52,7 +52,7 @@ def plan(quick: bool) -> Iterator[Task]:
 
 
 def draw(rows: list[dict]):
-    """Rates as bars."""
+    """Draw the rates as bars."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(7.6, 3.4), layout="constrained")
@@ -64,13 +64,13 @@ def draw(rows: list[dict]):
 
 
 def device_name() -> str:
-    """The device's kind as a folder's name."""
+    """Return the kind of the device as the name of a folder."""
     device = jax.devices()[0]
     return re.sub(r"[^a-z0-9]+", "-", f"{device.platform} {device.device_kind}".lower()).strip("-")
 
 
 def roofs(rows: list[dict]) -> dict[str, dict[str, float]]:
-    """Best rates by method and dtype."""
+    """Return the best rates by method and dtype."""
 
     def best(method: str, dtype: str) -> float:
         return max((r["rate"] for r in rows if (r["method"], r["dtype"]) == (method, dtype)), default=math.nan)
@@ -79,7 +79,7 @@ def roofs(rows: list[dict]) -> dict[str, dict[str, float]]:
 
 
 def report(folder: Path, quick: bool) -> str:
-    """Write device-report.txt: for every counted row of every case in `folder` the fractions achieved; its name."""
+    """Write device-report.txt with the fractions of every counted row in `folder`; return a line with its name."""
     ending = "-quick" if quick else ""
     best = roofs(read(folder / f"{ROOFS}{ending}.json")["rows"])
     lines = [
@@ -105,4 +105,4 @@ def report(folder: Path, quick: bool) -> str:
     return f"wrote {out}"
 
 
-CASE = Case("Roofs: what the device's memory and arithmetic can do, measured", plan, draw)
+CASE = Case("Roofs: measured memory bandwidth and arithmetic rate of the device", plan, draw)

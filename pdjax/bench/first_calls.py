@@ -1,19 +1,19 @@
-"""The calls whose first answer a user waits for, and what that answer costs: time, programs compiled, lines of them.
+"""The time and the compiled programs of the first call of the main functions.
 
-`CALLS` names each call with a function that prepares its arguments and returns the call. As a program,
-`python -m pdjax.bench.first_calls NAME ...` measures the named calls one after the other in its own process, with
-64-bit floats, and prints one JSON object for each:
+`CALLS` maps the name of each call to a function that prepares its arguments and returns the call. As a program,
+`python -m pdjax.bench.first_calls NAME ...` measures the named calls one after the other in one process, with 64-bit
+floats, and prints one JSON object for each:
 
     unit       seconds that the trivial program x + x takes to compile and run, median of five
     first      seconds of the first call
     second     seconds of a later call, median of five
 
-With the option --count before the names it counts instead, which takes time of its own:
+With the option --count before the names it counts the programs instead. Counting takes time, so the two are separate:
 
-    programs   programs that XLA was asked for in the first call, also where a disk cache had them
+    programs   programs that the first call requests from XLA, including those that a disk cache provides
     lines      lines of StableHLO of all these programs
 
-`pdjax bench start` draws the table; the tests hold the counts to budgets.
+`pdjax bench start` draws the table, and the tests compare the counts with budgets.
 """
 
 import json
@@ -78,7 +78,7 @@ def _center_block() -> Call:
 
 
 def _body(function: Callable) -> Call:
-    """Silling's model with its penalty on 10³ points, families of up to 122 bonds."""
+    """Prepare a function of Silling's model with its penalty on 10³ points, with families of up to 122 bonds."""
     model, families = _silling(), pd.families(pd.lattice((10, 10, 10)), 3.0)
     u = 1e-3 * np.random.default_rng(0).normal(size=(1000, 3))
     return lambda: function(model, families, u)
@@ -103,7 +103,7 @@ def _simulate() -> Call:
 
 
 def _plate(function: Callable) -> Call:
-    """Seth–Hill's model on 5 × 3 points, at rest."""
+    """Prepare a function of the Seth–Hill model on 5 × 3 points at rest."""
     body = pd.lattice((5, 3))
     model, families, u = _seth_hill(), pd.families(body, 2.0), np.zeros((15, 2))
     return lambda: function(model, families, u)
@@ -125,7 +125,7 @@ def _energy() -> Call:
     return lambda: model.energy(bonds)
 
 
-# Those a user waits for: each is measured in processes of its own.
+# The calls that a user waits for. Each is measured in separate processes.
 MAIN: dict[str, Callable[[], Call]] = {
     "stability, 2D": lambda: _stability(2, _seth_hill()),
     "stability, 3D": lambda: _stability(3, _seth_hill()),
@@ -140,7 +140,7 @@ MAIN: dict[str, Callable[[], Call]] = {
     "solve, 297 points in 3D": _solve,
     "simulate": _simulate,
 }
-# Small ones, which take less than the import: measured one after the other in one process.
+# Calls that take less time than the import. They are measured one after the other in one process.
 SMALL: dict[str, Callable[[], Call]] = {
     "lattice_family": lambda: lambda: pd.lattice_family(2, 3),
     "families": lambda: lambda: pd.families(pd.lattice((5, 3)), 2.0),
@@ -160,14 +160,14 @@ def _seconds(call: Call) -> float:
 
 
 def _unit() -> float:
-    """Seconds of a trivial program, compiled anew for each of five sizes."""
+    """Return the median seconds of a trivial program that is compiled for each of five sizes."""
     spent = [_seconds(lambda n=n: jax.jit(lambda x: x + x)(np.ones(n))) for n in (3, 5, 7, 11, 13)]  # type: ignore[misc]
     return float(np.median(spent))
 
 
 @contextmanager
 def _compiling() -> Iterator[list[str]]:
-    """The programs that XLA is asked for in the body of the `with`: their StableHLO, one text each."""
+    """Collect the StableHLO of the programs that the body of the `with` requests from XLA, one text each."""
     texts: list[str] = []
     with tempfile.TemporaryDirectory() as folder:
         jax.config.update("jax_include_debug_info_in_dumps", False)
@@ -180,7 +180,7 @@ def _compiling() -> Iterator[list[str]]:
 
 
 def count(name: str) -> dict:
-    """Programs and lines of StableHLO that the first call of `name` in this process compiles."""
+    """Count the programs, and their lines of StableHLO, that the first call of `name` in this process compiles."""
     call = CALLS[name]()
     with _compiling() as texts:
         jax.block_until_ready(call())
@@ -188,7 +188,7 @@ def count(name: str) -> dict:
 
 
 def measure(name: str) -> dict:
-    """Seconds of the first call of `name` in this process, of later ones, and of a trivial program."""
+    """Measure the first call of `name` in this process, later calls, and a trivial program [s]."""
     unit = _unit()
     call = CALLS[name]()
     first = _seconds(call)
@@ -197,7 +197,7 @@ def measure(name: str) -> dict:
 
 
 def main(arguments: list[str]) -> None:
-    """Measure, or count with the option --count, the calls named, one after the other."""
+    """Measure the named calls one after the other, or count their programs with the option --count."""
     jax.config.update("jax_enable_x64", True)
     counting = arguments[:1] == ["--count"]
     for name in arguments[1:] if counting else arguments:

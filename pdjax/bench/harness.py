@@ -1,16 +1,17 @@
-"""What every benchmark shares: the clock, what a compiled program says of itself, the machine, and files that go on.
+"""The common parts of all benchmarks: timing, counts of the compiler, the machine, and result files that continue.
 
-A case plans tasks; each task is measured to one row and the case's file is written after every row, so a run that
-was stopped goes on with the rows that are missing. A row is a dictionary:
+A case plans tasks, and each task is measured to give one row. The file of the case is written after every row, so that
+an interrupted run continues with the missing rows. A row is a dictionary:
 
-    method, settings, dtype                  which row it is; settings: a dictionary of what the method was given
-    seconds, fastest, slowest, spread        median of the repeated calls, and (slowest − fastest)/median [-]
-    compile_seconds                          apart: compilation, or first call − median where the host drives
-    error                                    against an exact reference, as the case says; None: there is none
-    bytes, flops, temporary_bytes            as the compiler counts them: every operand once each use, caches unknown to
-                                             it; None where the host drives several programs
+    method, settings, dtype                  identify the row; settings: a dictionary of the settings of the method
+    seconds, fastest, slowest, spread        median, minimum and maximum of the repeated calls [s], and
+                                             (slowest − fastest)/median [-]
+    compile_seconds                          compilation [s]; first call − median where the host drives the program
+    error                                    against an exact reference that the case describes; None without one
+    bytes, flops, temporary_bytes            as the compiler counts them: every operand once for each use, without
+                                             caches; None where the host drives several programs
 
-Rows of another machine, of other versions or of other settings are never mixed into a file: the case is refused.
+A file never mixes rows of different machines, versions or settings. The case is refused instead.
 """
 
 import json
@@ -35,13 +36,13 @@ try:
 except ImportError:  # before jax 0.8
     from jax.experimental import enable_x64  # type: ignore[attr-defined, no-redef]
 
-ENOUGH = 0.3  # [s] of measuring; short calls are repeated up to MOST times within it
+ENOUGH = 0.3  # [s] of measuring: short calls are repeated until it is reached, at most MOST times
 MOST = 30
 Say = Callable[[str], None]
 
 
 class Task(NamedTuple):
-    """One row to come: method, settings (JSON values) and dtype name it; `measure()` gives the rest."""
+    """A planned row: method, settings (JSON values) and dtype identify it, and `measure()` returns the rest."""
 
     method: str
     settings: dict
@@ -50,14 +51,17 @@ class Task(NamedTuple):
 
     @property
     def key(self) -> dict:
-        """What tells its row from the others."""
+        """The entries that identify its row."""
         return {"method": self.method, "settings": self.settings, "dtype": self.dtype}
 
 
 @dataclass(frozen=True)
 class Case:
-    """about: one line; plan(quick) → tasks; draw(rows, their settings beside the rest) → matplotlib Figure; settings:
-    what all rows have in common."""
+    """A benchmark.
+
+    about: its description in one line. plan(quick): its tasks. draw(rows): a matplotlib Figure of the rows, as `flat`
+    returns them. settings: the settings that all rows have in common.
+    """
 
     about: str
     plan: Callable[[bool], Iterable[Task]]
@@ -66,7 +70,7 @@ class Case:
 
 
 def machine() -> dict:
-    """What ran it: processor, device, versions."""
+    """Return the processor, the device and the versions of this run."""
     cpu, cores = platform.processor() or platform.machine(), None
     try:
         lines = Path("/proc/cpuinfo").read_text().splitlines()
@@ -91,20 +95,20 @@ def _seconds(work: Callable[[], Any]) -> tuple[float, Any]:
 
 
 def timed(work: Callable[[], Any], repeats: int = 5) -> dict:
-    """First call (with compilation) apart; then the median, fastest and slowest of `repeats` calls, in seconds."""
+    """Time the first call, which compiles, and then the median, fastest and slowest of `repeats` calls [s]."""
     first, _ = _seconds(work)
     spent = [_seconds(work)[0] for _ in range(repeats)]
     return {"first": first, "median": float(np.median(spent)), "fastest": min(spent), "slowest": max(spent)}
 
 
 def summary(spent: list[float]) -> dict:
-    """Median and spread of measured seconds."""
+    """Return the median and the spread of measured seconds."""
     median, low, high = float(np.median(spent)), min(spent), max(spent)
     return {"seconds": median, "fastest": low, "slowest": high, "spread": (high - low) / median, "calls": len(spent)}
 
 
 def _repeated(work: Callable[[], Any], repeats: int) -> dict:
-    """Seconds of at least `repeats` calls, more where they are short."""
+    """Time at least `repeats` calls, and more if they are short [s]."""
     spent = [_seconds(work)[0] for _ in range(repeats)]
     while sum(spent) < ENOUGH and len(spent) < MOST:
         spent.append(_seconds(work)[0])
@@ -112,7 +116,7 @@ def _repeated(work: Callable[[], Any], repeats: int) -> dict:
 
 
 def counted(compiled: Any) -> dict:
-    """Bytes, flops and temporary bytes that the compiler counts for a program; None where the backend doesn't say."""
+    """Return the bytes, flops and temporary bytes that the compiler counts; None where the backend does not count."""
     costs = compiled.cost_analysis() or {}
     costs = costs[0] if isinstance(costs, list) else costs
     memory = compiled.memory_analysis()
@@ -124,7 +128,7 @@ def counted(compiled: Any) -> dict:
 
 
 def kernel(function: Callable, *arguments: Any, repeats: int = 5) -> tuple[Any, dict]:
-    """(result, row) of `function(*arguments)` compiled whole; one call warms it up."""
+    """Return (result, row) of `function(*arguments)`, compiled as one program and called once before the timing."""
     start = time.perf_counter()
     compiled = jax.jit(function).lower(*arguments).compile()
     spent = time.perf_counter() - start
@@ -133,7 +137,7 @@ def kernel(function: Callable, *arguments: Any, repeats: int = 5) -> tuple[Any, 
 
 
 def hosted(work: Callable[[], Any], repeats: int = 3) -> tuple[Any, dict]:
-    """(result, row) of code that the host drives: programs it compiles are in the first call, and can't be counted."""
+    """Return (result, row) of code that the host drives. Its programs compile in the first call and are not counted."""
     first, result = _seconds(work)
     row = _repeated(work, repeats)
     unknown = {"bytes": None, "flops": None, "temporary_bytes": None}
@@ -146,7 +150,7 @@ def with_null(value: Any) -> Any:
 
 
 def read(file: Path) -> dict:
-    """A file of a case; ValueError if it is none."""
+    """Read the file of a case. Raise ValueError if it is not one."""
     try:
         record = json.loads(file.read_text())
         record["machine"], record["settings"], record["rows"]
@@ -161,7 +165,7 @@ def _differences(there: dict, here: dict) -> str:
 
 
 def _begun(file: Path, case: Case, quick: bool) -> dict:
-    """The record to go on with: the file's, if it was measured here with the same settings, or a new one."""
+    """Return the record to continue: that of the file if machine and settings agree, or a new one without a file."""
     fresh = {"machine": machine(), "settings": {"quick": quick, **case.settings}, "rows": [], "left_out": []}
     fresh = json.loads(json.dumps(fresh))
     if not file.exists():
@@ -178,7 +182,7 @@ def _begun(file: Path, case: Case, quick: bool) -> dict:
 
 
 def flat(rows: list[dict]) -> list[dict]:
-    """Rows with their settings beside the rest."""
+    """Return the rows with their settings as entries of the row itself."""
     return [{**row["settings"], **row} for row in rows]
 
 
@@ -192,11 +196,11 @@ def _named(task: Task) -> str:
 
 
 def run_case(name: str, case: Case, folder: Path, quick: bool, say: Say) -> dict:
-    """Measure what `folder`/NAME.json lacks, row by row, then draw NAME.png; the record.
+    """Measure the rows that `folder`/NAME.json lacks, one by one, then draw NAME.png; return the record.
 
-    Quick runs have files of their own, NAME-quick. What can't be measured here (a package that isn't installed, memory
-    that doesn't suffice) is said and listed under "left_out"; the rest goes on.
-    Raises: ValueError for a file of another machine or other settings; OSError where nothing can be written.
+    A quick run writes NAME-quick instead. A row that cannot be measured here, because a package is missing or the
+    memory does not suffice, is reported and listed under "left_out", and the run continues. Raises ValueError for a
+    file of another machine or other settings, and OSError if the files cannot be written.
     """
     stem = f"{name}-quick" if quick else name
     file = folder / f"{stem}.json"
@@ -235,12 +239,12 @@ def run_case(name: str, case: Case, folder: Path, quick: bool, say: Say) -> dict
 
 
 def results() -> Path:
-    """The folder `results` beside the script that runs."""
+    """Return the folder `results` beside the script that runs."""
     return Path(sys.modules["__main__"].__file__ or ".").resolve().parent / "results"
 
 
 def write(name: str, numbers: dict, figure: Any = None) -> None:
-    """For scripts: results/NAME.json, and NAME.png if there is a figure; the numbers are printed too."""
+    """Write results/NAME.json and, for a figure, NAME.png beside a script; print the numbers as well."""
     folder = results()
     folder.mkdir(exist_ok=True)
     numbers = {"machine": machine(), **numbers}

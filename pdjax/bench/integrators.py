@@ -1,9 +1,10 @@
-"""Which integrator: error of a travelling wave against wall time.
+"""Time and accuracy of the integrators: error of a travelling wave against wall time.
 
-Four periods of a travelling wave of finite amplitude on a bar of 60 points (m = 1, N = 3, u₀ = 2 % of a spacing,
-stretched by 5 %); every method at a series of steps or tolerances, each run compiled whole, Verlet's and diffrax's
-alike: the clock sees steps and no host. The error is the largest one of u and v at the end, relative to the largest
-entry, against an eighth-order solution at a tolerance of 1e-13.
+The motion is four periods of a travelling wave of finite amplitude on a bar of 60 points (m = 1, N = 3, u₀ = 2 % of the
+spacing, stretched by 5 %). Every method runs with several numbers of steps or tolerances. Each run is compiled as one
+program, for velocity Verlet and for diffrax, so that the time contains no work of the host. The error is the largest
+error of u and v at the end, relative to the largest entry. The reference is an eighth-order solution with a tolerance
+of 1e-13.
 """
 
 from collections.abc import Callable, Iterator
@@ -39,26 +40,26 @@ TOLERANCES = (1e-3, 1e-5, 1e-7, 1e-9)
 
 
 def scene(periods: float) -> Motion:
-    """The wave."""
+    """Return the wave."""
     model = SethHill(1.0, LinearElastic(lam=1.0, mu=0.0))  # type: ignore[call-arg, arg-type]
     k, F = 2 * np.pi * WAVES / POINTS, np.array([[1 + STRETCH]])
     return wave(POINTS, 3, k, U0, model, F=F, periods=periods, travelling=True)
 
 
 def end(history) -> np.ndarray:
-    """u and v at the end."""
+    """Return u and v at the end of a motion."""
     return np.concatenate([np.asarray(history.u)[-1], np.asarray(history.v)[-1]])
 
 
 @cache
 def exact() -> np.ndarray:
-    """The end of the wave, to more digits than any row has."""
+    """Return u and v at the end of the wave, more accurately than any row."""
     with enable_x64(True):
         return end(simulate_diffrax(scene(PERIODS), solver=diffrax.Dopri8(), rtol=1e-13, dt=0.01, saves=1))
 
 
 def _measured(work: Callable[[Motion], object]) -> dict:
-    """The run `work` (motion → history) in one compiled piece, its start an argument."""
+    """Measure `work` (motion → history), compiled as one program with the initial state as its argument."""
     moving = scene(PERIODS)
 
     def run(start, velocity):
@@ -71,19 +72,19 @@ def _measured(work: Callable[[Motion], object]) -> dict:
 
 
 def verlet(steps: int) -> dict:
-    """One row of `simulate`."""
+    """Measure `simulate` with a number of steps."""
     return _measured(lambda m: simulate(m, dt=m.duration / steps, save_every=steps, show_progress=False))  # type: ignore[operator]
 
 
 def fixed(name: str, steps: int) -> dict:
-    """One row of a diffrax solver at even steps."""
+    """Measure a diffrax solver with a number of equal steps."""
     solver = SOLVERS[name][0]()
     how: dict[str, Any] = {"solver": solver, "max_steps": 4 * steps, "saves": 1}
     return _measured(lambda m: simulate_diffrax(m, dt=m.duration / steps, **how))  # type: ignore[operator]
 
 
 def adaptive(rtol: float) -> dict:
-    """One row of Tsit5 at a tolerance; the first step can't be found inside jit, so it is given."""
+    """Measure Tsit5 with a tolerance. The first step is given, because it cannot be found inside jit."""
     moving = scene(PERIODS)
     how: dict[str, Any] = {"rtol": rtol, "dt": 0.5 * critical_time_step(moving), "saves": 1}
     steps = int(simulate_diffrax(moving, **how).steps)
@@ -91,13 +92,13 @@ def adaptive(rtol: float) -> dict:
 
 
 def task(name: str, steps: int, dtype: str = "float64") -> Task:
-    """One row to come, at even steps."""
+    """Plan one row with equal steps."""
     work = partial(verlet, steps) if name == VERLET else partial(fixed, name, steps)
     return Task(name, {"scene": SCENE, "n": POINTS, "N": 3, "steps": steps}, work, dtype)
 
 
 def plan(quick: bool) -> Iterator[Task]:
-    """Every method at its steps."""
+    """Plan every method with its numbers of steps or tolerances."""
     most = 1 if quick else None
     methods = {VERLET: VERLET_STEPS, **{name: counts for name, (_, counts) in SOLVERS.items()}}
     for name, counts in methods.items():
@@ -108,7 +109,7 @@ def plan(quick: bool) -> Iterator[Task]:
 
 
 def draw(rows: list[dict]):
-    """A line for each method; the numbers are steps, or the tolerance."""
+    """Draw a line for each method. The numbers are steps or tolerances."""
     return error_against_time(
         rows,
         "Four periods of a travelling wave on 60 points",

@@ -1,16 +1,19 @@
-"""The Jacobian of a body: five ways to it, error against time.
+"""The Jacobian of a body by five methods: error against wall time.
 
     central difference   (f(u + h e) − f(u − h e))/2h, column by column, h from 1e-1 to 1e-8 spacings
-    complex step         Im f(u + i h e)/h, h = 1e-30: no cancellation
-    dense jacfwd         forward differentiation, every column
-    coloured JVP         forward differentiation, columns that share no row together
-    structured           `pdjax.jacobian`, from the model's two small functions
+    complex step         Im f(u + i h e)/h, h = 1e-30, without cancellation
+    dense jacfwd         forward differentiation of every column
+    coloured JVP         forward differentiation of groups of columns that share no row
+    structured           `pdjax.jacobian`, from the two functions that define the model
 
-The model is Silling's with λ = μ = 1 (St. Venant–Kirchhoff): its force is a polynomial of degree 3 in u, so that the
-five-point difference with a step of a quarter spacing has no truncation error at all: that is the reference, exact to
-rounding and independent of every method. The complex step needs a force that accepts complex numbers: the same model
-with its stress written out, P = F (λ tr(E) I + 2 μ E). Models whose stress comes from `jax.grad` (all that take a law)
-refuse complex numbers, and norms and absolute values of bonds are not complex-differentiable: there it does not apply.
+The model is Silling's with λ = μ = 1 (St. Venant–Kirchhoff). Its force is a polynomial of degree 3 in u. The five-point
+difference with a step of a quarter spacing therefore has no truncation error. It is the reference: exact to rounding,
+and independent of every method.
+
+The complex step needs a force that accepts complex numbers. It uses the same model with its stress written out,
+P = F (λ tr(E) I + 2 μ E). It does not apply to models whose stress comes from `jax.grad`, which are all models with a
+law, because `jax.grad` refuses complex numbers. It does not apply to norms and absolute values of bonds either, because
+they are not complex-differentiable.
 """
 
 from collections.abc import Iterator
@@ -37,7 +40,7 @@ BATCH = 16  # columns at once
 
 
 class WrittenOut(Correspondence):
-    """Silling's model of a linear law with its stress in closed form: a polynomial, of complex numbers too."""
+    """Silling's model of a linear law with its stress in closed form, a polynomial that accepts complex numbers."""
 
     law: LinearElastic
 
@@ -50,12 +53,12 @@ class WrittenOut(Correspondence):
 
 
 def columns(one, size: int):
-    """The matrix whose column i is one(e_i), a few columns at a time."""
+    """Compute the matrix whose column i is one(e_i), BATCH columns at a time."""
     return jax.lax.map(lambda i: one(jnp.zeros(size).at[i].set(1.0)), jnp.arange(size), batch_size=BATCH).T
 
 
 def central(force, u, h):
-    """Central differences, all columns."""
+    """Compute all columns by central differences."""
     shape = u.shape
     return columns(
         lambda e: ((force(u + h * e.reshape(shape)) - force(u - h * e.reshape(shape))) / (2 * h)).ravel(), u.size
@@ -63,17 +66,17 @@ def central(force, u, h):
 
 
 def five_point(force, u, h=0.25):
-    """Exact for polynomials of degree 4 along every line."""
+    """Compute all columns by five-point differences, which are exact for polynomials of degree 4."""
     return (4 * central(force, u, h) - central(force, u, 2 * h)) / 3
 
 
 def complex_step(force, u, h=1e-30):
-    """Im f(u + i h e)/h, all columns."""
+    """Compute all columns as Im f(u + i h e)/h."""
     return columns(lambda e: (force(u + 1j * h * e.reshape(u.shape)).imag / h).ravel(), u.size)
 
 
 def plan(quick: bool) -> Iterator[Task]:
-    """Every method on a plate and on a block."""
+    """Plan every method on a plate and on a block."""
     law = LinearElastic(lam=1.0, mu=1.0)  # type: ignore[call-arg, arg-type]
     model, polynomial = Correspondence(law), WrittenOut(law)
     for shape, horizon in (((10, 9), 2.01), ((4, 4, 3), 2.01)) if quick else (((24, 23), 3.015), ((9, 8, 7), 2.01)):
@@ -81,7 +84,7 @@ def plan(quick: bool) -> Iterator[Task]:
 
 
 def _body(model, polynomial, shape: tuple[int, ...], horizon: float, steps) -> Iterator[Task]:
-    """Every method on one lattice, displaced at random by at most 2 % of a spacing."""
+    """Plan every method on one lattice, displaced at random by at most 2 % of the spacing."""
     families = neighbour_search.families(lattice(shape), horizon)
     u = jnp.asarray(0.02 * np.random.default_rng(7).uniform(-1, 1, (len(families), families.dim)))
     body = {"body": " × ".join(map(str, shape)), "horizon": horizon, "unknowns": u.size}
@@ -122,7 +125,7 @@ def _body(model, polynomial, shape: tuple[int, ...], horizon: float, steps) -> I
 
 
 def draw(rows: list[dict]):
-    """A panel for each body; the numbers are steps in spacings."""
+    """Draw a panel for each body. The numbers are steps in spacings."""
     return error_against_time(
         rows,
         "Jacobian of a body",

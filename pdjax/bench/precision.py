@@ -1,11 +1,11 @@
-"""float32 beside float64: what a map, an equilibrium and a motion lose and what they gain.
+"""float32 compared with float64: accuracy and time of a map, an equilibrium and a motion.
 
-    map       the symbol's margin on a coarse default map (2D, N = 3), by intervals of the zone; the error is the
-              largest difference of margins from the float64 map at 64 intervals
+    map       the symbol's margin on a coarse default map (2D, N = 3), over the intervals of the zone; the error is
+              the largest difference of margins from the float64 map with 64 intervals
     statics   the singular bar by Newton (see `statics`)
     dynamics  a travelling wave by velocity Verlet and Dopri8 (see `integrators`)
 
-Every row is measured in its own precision from the points on; references are float64's.
+Every row computes everything in its own precision, starting with the points. The references are in float64.
 """
 
 from collections.abc import Iterator
@@ -30,7 +30,7 @@ PANELS = {
 
 
 def _map(intervals: int, shape: tuple[int, int]) -> StabilityMap:
-    """The coarse map in the present precision."""
+    """Compute the coarse map in the current precision."""
     m, a = (np.linspace(low, high, n) for (low, high, _), n in zip((ORDERS, LOADS), shape, strict=True))
     law = LinearElastic(lam=1.0, mu=1.0)  # type: ignore[call-arg, arg-type]
     return stability_map(m, a, law=law, resolution=intervals, show_progress=False)
@@ -43,7 +43,7 @@ def _fine(shape: tuple[int, int]) -> StabilityMap:
 
 
 def margins(intervals: int, shape: tuple[int, int]) -> dict:
-    """One row of maps."""
+    """Measure a map with a number of intervals."""
     found, row = hosted(lambda: _map(intervals, shape))
     exact = _fine(shape)
     differ = found.verdict != exact.verdict
@@ -55,7 +55,7 @@ def margins(intervals: int, shape: tuple[int, int]) -> dict:
 
 
 def plan(quick: bool) -> Iterator[Task]:
-    """All of it in both precisions."""
+    """Plan all parts in both precisions."""
     shape = (6, 5) if quick else (ORDERS[2], LOADS[2])
     for dtype in DTYPES:
         for intervals in (8,) if quick else (8, 16, 24, 48):
@@ -69,10 +69,10 @@ def plan(quick: bool) -> Iterator[Task]:
 
 
 def draw(rows: list[dict]):
-    """A panel for each part; the numbers are intervals, points, steps."""
+    """Draw a panel for each part. The numbers are intervals, points or steps."""
     return error_against_time(
         rows,
-        "float32 beside float64",
+        "float32 compared with float64",
         "error  [–]",
         line=lambda row: f"{row['method']}, {row['dtype']}",
         note=lambda row: str(row.get("intervals", row.get("steps", row.get("n")))),
@@ -80,4 +80,4 @@ def draw(rows: list[dict]):
     )
 
 
-CASE = Case("Precision: float32 beside float64 for a map, statics, dynamics", plan, draw)
+CASE = Case("Precision: float32 compared with float64 for a map, statics and dynamics", plan, draw)

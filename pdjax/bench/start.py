@@ -1,16 +1,17 @@
-"""What a user waits for: the first answer of each call, imports, and the picture of a map.
+"""The time that a user waits for: the first result of each function, the imports, and the figure of a map.
 
-Every number comes from fresh processes. Of a call (`first_calls`) a row has
+Every number comes from new processes. The row of a function (`first_calls`) has
 
-    seconds          of the first call with no disk cache: median over the processes
-    in_units         the same, over the time that a trivial program takes to compile in the same process
+    seconds          of the first call without a disk cache, median over the processes
+    in_units         the same, divided by the time that a trivial program takes to compile in the same process
     cached_seconds   of the first call in a process that reads the disk cache of an earlier one
     second_seconds   of later calls in the same process
-    programs, lines  programs compiled in the first call, and their lines of StableHLO
+    programs, lines  programs that the first call compiles, and their lines of StableHLO
 
-Imports and preparation are not in these numbers; imports have rows of their own. "jax and diffrax" is what
-`import pdjax` can't do without. A map is a whole process: import, compilation, states with six criteria, table,
-picture; "cached" reads the disk cache that the cold one left.
+These numbers contain neither the imports nor the preparation of the arguments. The imports have separate rows. The row
+"import jax, diffrax" is the part of `import pdjax` that other packages need. A map is a whole process: import,
+compilation, states with six criteria, table and figure. "cached" reads the disk cache that the cold process has
+written.
 """
 
 import json
@@ -29,13 +30,13 @@ from .harness import Case, Task, summary
 
 MAP = ("-m", "pdjax", "map")
 FEW = ("--m=-2:2:24", "--a=-0.3:0.3:25")
-PROCESSES = 5  # of the cold first call
-READERS = 2  # of the cached one
+PROCESSES = 5  # for the first call without a cache
+READERS = 2  # for the first call with a cache
 UNKNOWN = {"compile_seconds": None, "bytes": None, "flops": None, "temporary_bytes": None, "error": None}
 
 
 def _run(arguments: tuple[str, ...], kept: str | None, folder: str | None = None) -> tuple[float, str]:
-    """(seconds, what it printed) of one process that keeps compiled programs in the folder `kept`, if there is one."""
+    """Run one process, with the folder `kept` as its disk cache if there is one; return its seconds and its output."""
     settings = {k: v for k, v in os.environ.items() if k != "JAX_COMPILATION_CACHE_DIR"}
     if kept is not None:
         settings["JAX_COMPILATION_CACHE_DIR"] = kept
@@ -46,13 +47,13 @@ def _run(arguments: tuple[str, ...], kept: str | None, folder: str | None = None
 
 
 def _told(names: tuple[str, ...], kept: str | None, *option: str) -> dict[str, dict]:
-    """name → what `first_calls` says of it, in one fresh process."""
+    """Return the output of `first_calls` by name, from one new process."""
     _, printed = _run(("-m", "pdjax.bench.first_calls", *option, *names), kept)
     return {row["name"]: row for row in map(json.loads, printed.splitlines())}
 
 
 def answered(names: tuple[str, ...], quick: bool) -> dict[str, dict]:
-    """name → row of each call; the calls are made one after the other in the same processes."""
+    """Measure the named calls, one after the other in the same processes; return a row for each name."""
     with tempfile.TemporaryDirectory() as kept:
         counts = _told(names, kept, "--count")
         cached = [_told(names, kept) for _ in range(1 if quick else READERS)]
@@ -76,13 +77,13 @@ def answered(names: tuple[str, ...], quick: bool) -> dict[str, dict]:
 
 
 def imported(code: str) -> dict:
-    """Seconds that a fresh interpreter takes to run `code`."""
-    _run(("-c", code), None)  # the files are read from disk once
+    """Measure the seconds that a new interpreter takes to run `code`."""
+    _run(("-c", code), None)  # the first run reads the files from disk
     return summary([_run(("-c", code), None)[0] for _ in range(PROCESSES)]) | UNKNOWN
 
 
 def mapped(arguments: tuple[str, ...]) -> dict[str, dict]:
-    """Seconds of `pdjax map` from nothing, and from the disk cache that this leaves."""
+    """Measure `pdjax map` without a disk cache, and again with the disk cache that the first run has written."""
     with tempfile.TemporaryDirectory() as folder, tempfile.TemporaryDirectory() as kept:
         return {name: summary([_run((*MAP, *arguments), kept, folder)[0]]) | UNKNOWN for name in ("cold", "cached")}
 
@@ -92,7 +93,7 @@ def _one(rows: Callable[[], dict[str, dict]], name: str) -> dict:
 
 
 def plan(quick: bool) -> Iterator[Task]:
-    """First answers, imports, then maps. What is measured in one process is measured once for all its rows."""
+    """Plan the first calls, the imports, then the maps. Rows that share a process share one measurement."""
     for names in (*((name,) for name in MAIN), tuple(SMALL)):
         rows = cache(partial(answered, names, quick))
         for name in names:
@@ -110,15 +111,15 @@ def plan(quick: bool) -> Iterator[Task]:
             yield Task(f"{name}, {kind}", {}, partial(_one, rows, kind))
 
 
-BARS = {  # column of a row: (what it is, colour)
-    "seconds": ("first call: seconds, multiple of a trivial program's, programs", "#D55E00"),
+BARS = {  # column of a row: (label, colour)
+    "seconds": ("first call: seconds, multiple of a trivial program's time, number of programs", "#D55E00"),
     "cached_seconds": ("from the disk cache", "#E69F00"),
     "second_seconds": ("later calls", "#0072B2"),
 }
 
 
 def draw(rows: list[dict]):
-    """Bars on a logarithmic axis: the calls above, whole processes below."""
+    """Draw bars on a logarithmic axis: the calls above, the whole processes below."""
     from matplotlib.figure import Figure
 
     calls = [row for row in rows if "programs" in row][::-1]
@@ -141,10 +142,10 @@ def draw(rows: list[dict]):
     lower.tick_params(axis="y", labelsize=8)
     lower.set_xscale("log")
     lower.set_xlim(1e-4, 10 * max(row["seconds"] for row in rows))
-    upper.set_xlabel("wall time in a fresh process, imports apart  [s]")
+    upper.set_xlabel("wall time in a new process, without imports  [s]")
     upper.tick_params(axis="x", labelbottom=True)
     lower.set_xlabel("wall time of a whole process  [s]")
     return figure
 
 
-CASE = Case("Start: first answers of every call, imports and the first picture, in fresh processes", plan, draw)
+CASE = Case("Start: first call of every function, imports and the first map, in new processes", plan, draw)

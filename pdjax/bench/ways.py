@@ -1,11 +1,13 @@
-"""The ways to evaluate the force density of a body: time against horizon and points, and what they differ by.
+"""The methods that evaluate the force density of a body: time over horizon and number of points, and their differences.
 
-A lattice in 3D, random displacements of 1e-2 spacings. `error`: the largest difference from the slices of the same body
-(whose own error is rounding: the tests compare every way with the general path), over the largest force; of the slices
-themselves from the padded families, where those are small enough to be made. The operator is prepared before; its price
-is the row's `prepare_seconds`. `plain_seconds` and `closure_seconds` are what a user writes instead: the plain call
-`force_density(model, families, u)`, and the same in a `jax.jit` of the user's own. Of FFT also `transform_seconds`: as
-many transforms and nothing else, its floor.
+The body is a 3D lattice with random displacements of 1e-2 spacings. `error` is the largest difference from the slices
+of the same body, relative to the largest force. The error of the slices themselves is rounding: the tests compare every
+method with the general path. For the slices, `error` is the difference from the padded families, where these are small
+enough to be stored.
+
+The operator is prepared before the timing, and `prepare_seconds` is the time of the preparation. `plain_seconds` is
+the time of the plain call `force_density(model, families, u)`, and `closure_seconds` that of the same call inside a
+user's `jax.jit`. FFT also has `transform_seconds`, the time of its transforms alone, which is its lower bound.
 """
 
 import resource
@@ -34,7 +36,7 @@ MODELS = {
     "Seth–Hill 1": SethHill(1.0, LAW),  # type: ignore[arg-type]
     "Seth–Hill ½": SethHill(0.5, LAW),  # type: ignore[arg-type]
 }
-BONDS = 5e7  # padded arrays beyond that many bonds are not made: 48 bytes each, and as many again turned round
+BONDS = 5e7  # most bonds for padded arrays, which take 48 bytes a bond, and as many again for the reverse bonds
 
 
 def _body(n: int, horizon: float) -> tuple[Families, jax.Array]:
@@ -49,13 +51,13 @@ def _call(operator: ForceOperator, u: jax.Array) -> jax.Array:
 
 
 def _there_and_back(back: int, plan: Convolution, x: jax.Array) -> jax.Array:
-    """(fields, points) → Fourier space, and `back` of them back."""
+    """Transform fields (fields, points) to Fourier space, and `back` of them back."""
     spectra = plan.forward(x.reshape(len(x), *plan.cells))
     return plan.inverse(jnp.concatenate([spectra] * -(-back // len(x)))[:back])
 
 
 def evaluate(model: str, way: str, n: int, horizon: float) -> dict:
-    """One row."""
+    """Measure one model by one method on one body."""
     families, u = _body(n, horizon)
     start = time.perf_counter()
     operator = force_operator(MODELS[model], families, way)
@@ -82,7 +84,7 @@ def evaluate(model: str, way: str, n: int, horizon: float) -> dict:
 
 
 def plan(quick: bool) -> Iterator[Task]:
-    """Horizons 2 to 8 at one size, then sizes to 10⁶ points at one horizon."""
+    """Plan horizons 2 to 8 at one size, then sizes up to 10⁶ points at one horizon."""
     n, horizons = (12, (2.015, 3.015)) if quick else (32, (2.015, 3.015, 4.015, 5.015, 6.015, 8.015))
     sizes = (22,) if quick else (22, 46, 100)
     wanted = [(n, h) for h in horizons] + [(size, 3.015) for size in sizes]
@@ -98,7 +100,7 @@ def plan(quick: bool) -> Iterator[Task]:
 
 
 def draw(rows: list[dict]):
-    """Left: time of one evaluation against the horizon. Right: time a point against the points."""
+    """Draw the time of an evaluation over the horizon (left), and the time per point over the points (right)."""
     from matplotlib.figure import Figure
 
     from .chart import SHADES
@@ -119,11 +121,11 @@ def draw(rows: list[dict]):
                 right.plot(*zip(*grown, strict=True), style, marker="o", ms=3, color=SHADES[k])
     left.set(yscale="log", xlabel="horizon  [spacings]", ylabel="one force evaluation  [ms]")
     left.set_title(f"{common}³ points", fontsize=10)
-    right.set(xscale="log", yscale="log", xlabel="points", ylabel="time a point  [ns]")
+    right.set(xscale="log", yscale="log", xlabel="points", ylabel="time per point  [ns]")
     right.set_title("horizon 3.015 spacings", fontsize=10)
     figure.legend(*left.get_legend_handles_labels(), loc="outside right center", frameon=False, fontsize=8)
-    figure.suptitle("Ways to evaluate a body", fontsize=11)
+    figure.suptitle("Methods to evaluate the force of a body", fontsize=11)
     return figure
 
 
-CASE = Case("Ways to evaluate a body: families, slices, FFT over the horizon and to 10⁶ points", plan, draw)
+CASE = Case("Force evaluation: families, slices and FFT, over the horizon and up to 10⁶ points", plan, draw)
