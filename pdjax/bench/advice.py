@@ -42,7 +42,8 @@ class Advice:
     tol : float
         Tolerance [-] that was asked for.
     evidence : tuple of dict
-        Every row that was measured on the scene, the fastest first.
+        All measured settings of the scene that have an error, the fastest first. For a scene with several loads, each
+        row has the largest error and the mean time over the loads.
     machine : dict
         Processor, device and versions of the measurements.
 

@@ -9,9 +9,9 @@ Every number comes from new processes. The row of a function (`first_calls`) has
     programs, lines  programs that the first call compiles, and their lines of StableHLO
 
 These numbers contain neither the imports nor the preparation of the arguments. The imports have separate rows. The row
-"import jax, diffrax" is the part of `import pdjax` that other packages need. A map is a whole process: import,
-compilation, states with six criteria, table and figure. "cached" reads the disk cache that the cold process has
-written.
+"import jax, diffrax" is the least time of `import pdjax`, because pdjax needs both packages. A map is a whole process:
+import, compilation, states with six criteria, table and figure. "cached" reads the disk cache that the cold process
+has written.
 """
 
 import json

@@ -1,4 +1,4 @@
-"""The harness through a tiny case: what is written, what is gone on with, what is refused; and what `advise` reads."""
+"""The harness of the benchmarks with a tiny case: its files, their continuation and refusal; and `advise`."""
 
 import json
 from dataclasses import replace
@@ -16,7 +16,7 @@ from pdjax.cli import main
 
 
 def tiny(counts, fail_at=None, error=KeyboardInterrupt, **settings):
-    """A case of three rows that counts in `counts` which were measured, and stops at one of them if told to."""
+    """Make a case of three rows. It appends each measured row to `counts`, and raises `error` at the row `fail_at`."""
 
     def measure(n):
         if n == fail_at:
@@ -32,10 +32,10 @@ def tiny(counts, fail_at=None, error=KeyboardInterrupt, **settings):
 
 
 def silent(_):
-    """Say nothing."""
+    """Print nothing."""
 
 
-def test_a_row_holds_time_compilation_and_counts():
+def test_a_row_holds_times_and_the_counts_of_the_compiler():
     A = jnp.ones((64, 64))
     result, row = kernel(lambda A, B: A @ B, A, A + 0)
     assert np.all(np.asarray(result) == 64)
@@ -45,14 +45,14 @@ def test_a_row_holds_time_compilation_and_counts():
     assert row["spread"] == pytest.approx((row["slowest"] - row["fastest"]) / row["seconds"])
 
 
-def test_a_backend_that_counts_nothing_says_none():
+def test_counts_are_none_where_the_backend_does_not_count():
     class Mute:
         cost_analysis = memory_analysis = lambda self: None
 
     assert counted(Mute()) == {"bytes": None, "flops": None, "temporary_bytes": None}
 
 
-def test_an_interrupted_run_goes_on_with_the_missing_rows(tmp_path):
+def test_an_interrupted_run_continues_with_the_missing_rows(tmp_path):
     done = []
     with pytest.raises(KeyboardInterrupt):
         run_case("tiny", tiny(done, fail_at=3), tmp_path, False, silent)
@@ -62,13 +62,13 @@ def test_an_interrupted_run_goes_on_with_the_missing_rows(tmp_path):
     assert json.loads((tmp_path / "tiny.json").read_text()) == record
     assert (tmp_path / "tiny.png").stat().st_size > 5_000
     run_case("tiny", tiny(done), tmp_path, False, silent)
-    assert done == [1, 2, 3]  # nothing is measured twice
+    assert done == [1, 2, 3]  # no row is measured twice
     run_case("tiny", tiny(done), tmp_path, True, silent)
-    assert done == [1, 2, 3, 1, 2, 3] and (tmp_path / "tiny-quick.json").exists()  # quick rows are others
+    assert done == [1, 2, 3, 1, 2, 3] and (tmp_path / "tiny-quick.json").exists()  # quick rows are separate
 
 
 @pytest.mark.parametrize("what", ["machine", "settings", "damaged"])
-def test_a_file_of_another_machine_or_settings_is_left_alone(what, tmp_path):
+def test_a_file_of_another_machine_or_settings_is_refused_and_kept(what, tmp_path):
     run_case("tiny", tiny([]), tmp_path, False, silent)
     file, settings = tmp_path / "tiny.json", {}
     record = json.loads(file.read_text())
@@ -84,7 +84,7 @@ def test_a_file_of_another_machine_or_settings_is_left_alone(what, tmp_path):
     assert file.read_text() == before
 
 
-def test_what_cannot_be_measured_is_said_and_the_rest_goes_on(tmp_path, monkeypatch, capsys):
+def test_a_row_that_cannot_be_measured_is_reported_and_the_run_continues(tmp_path, monkeypatch, capsys):
     def needs_numba(quick):
         raise ModuleNotFoundError("No module named 'numba'", name="numba")
 
@@ -111,7 +111,7 @@ def test_a_refused_file_does_not_stop_the_other_cases(tmp_path, monkeypatch, cap
     assert done == [1, 2, 3]
 
 
-def test_the_list_and_a_wrong_name(capsys, tmp_path, monkeypatch):
+def test_the_list_names_every_case_and_a_wrong_name_is_refused(capsys, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert main(["bench", "--list"]) == 0
     said = capsys.readouterr().out
@@ -121,7 +121,7 @@ def test_the_list_and_a_wrong_name(capsys, tmp_path, monkeypatch):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_device_report_gives_fractions_of_what_was_measured(tmp_path):
+def test_device_report_gives_fractions_of_the_measured_rates(tmp_path):
     def save(name, rows):
         (tmp_path / f"{name}.json").write_text(json.dumps({"machine": {}, "settings": {}, "rows": rows}))
 
@@ -141,20 +141,20 @@ LARGE = [name for name in cases.CASES if name not in ("start", device.ROOFS, "ja
 
 
 @pytest.mark.parametrize("name", ["jacobians", "ways", *(pytest.param(n, marks=pytest.mark.long) for n in LARGE)])
-def test_a_task_of_every_kind_gives_a_row(name):
-    """The first planned of each method at small sizes: what it calls is there, and right."""
+def test_every_method_of_a_case_gives_an_accurate_row(name):
+    """The first planned task of each method runs at a small size, and its error is small."""
     kinds = {}
     for task in cases.CASES[name].plan(True):
         kinds.setdefault(task.method, task)
-    kinds.pop("complex step", None)  # types are checked here, and they are real
+    kinds.pop("complex step", None)  # the type checks of the tests accept real numbers only
     for task in kinds.values():
         row = task.measure()
         assert row["seconds"] > 0 and row["error"] is not None
         assert row["error"] < {"jacobians": 1e-2, "ways": 1e-13}.get(name, 10)  # 3e-3 (the largest step); 2e-15
 
 
-def test_first_answers_are_medians_over_processes_beside_the_cached_and_the_later_calls(tmp_path, monkeypatch):
-    """With processes that answer what they are told: 1, 2, 3 ... seconds, units of 0.5 s."""
+def test_first_calls_are_medians_over_processes_and_have_cached_and_later_times(tmp_path, monkeypatch):
+    """The processes are replaced: they report 1, 2, 3 ... seconds, and 0.5 s for the trivial program."""
     asked = []
 
     def process(arguments, kept, folder=None):
@@ -166,15 +166,15 @@ def test_first_answers_are_medians_over_processes_beside_the_cached_and_the_late
 
     monkeypatch.setattr(start, "_run", process)
     row = start.answered(("simulate",), quick=False)["simulate"]
-    assert [kept is None for _, kept in asked] == [False] * 3 + [True] * 5  # counted, read twice, measured from nothing
-    assert (row["seconds"], row["fastest"], row["slowest"]) == (6.0, 4.0, 8.0)  # the fourth process to the eighth
+    assert [kept is None for _, kept in asked] == [False] * 3 + [True] * 5  # a count, 2 with the cache, 5 without
+    assert (row["seconds"], row["fastest"], row["slowest"]) == (6.0, 4.0, 8.0)  # of the fourth process to the eighth
     assert (row["in_units"], row["cached_seconds"], row["second_seconds"]) == (12.0, 2.5, 0.01)
     assert (row["programs"], row["lines"], row["compile_seconds"]) == (2, 30, pytest.approx(5.99))
     asked.clear()
     record = run_case("start", start.CASE, tmp_path, True, silent)
     assert [row["method"] for row in record["rows"]][: len(CALLS)] == list(CALLS)
     assert {row["seconds"] for row in record["rows"][len(CALLS) :]} == {7.0}
-    assert len(asked) == 3 * (len(MAIN) + 1) + 4 * 6 + 2  # small calls share processes; imports; a map, cold and cached
+    assert len(asked) == 3 * (len(MAIN) + 1) + 4 * 6 + 2  # small calls share processes; imports; a map twice
     assert (tmp_path / "start-quick.png").stat().st_size > 20_000
 
 
@@ -187,7 +187,7 @@ ROWS = {
 
 
 def measured(folder, name="statics", cpu="abacus", **changes):
-    """A file of four rows as `pdjax bench` writes it."""
+    """Write a file of four rows, as `pdjax bench` does."""
     rows = [
         {
             "method": method,
@@ -206,7 +206,7 @@ def step_bar():
     return pd.scenes.step_size_bar(20)
 
 
-def test_advice_is_the_cheapest_row_that_is_good_enough(step_bar, tmp_path):
+def test_advice_is_the_fastest_row_that_meets_the_tolerance(step_bar, tmp_path):
     measured(tmp_path)
     found = pd.advise("singular-bar", 0.05, data=tmp_path)
     assert (found.method, found.error, found.seconds) == ("middle", 1e-2, 0.5)
@@ -215,10 +215,10 @@ def test_advice_is_the_cheapest_row_that_is_good_enough(step_bar, tmp_path):
     assert "middle, n = 100, N = 3, dtype = float64" in repr(found) and "on abacus" in repr(found)
     assert "4 × the time: slow, n = 400" in repr(found) and "fast" not in repr(found)
     assert pd.advise("singular-bar", 0.5, data=tmp_path).method == "fast"
-    assert pd.advise(replace(step_bar, name="singular bar"), 1e-3, data=tmp_path).settings["n"] == 400  # by its name
+    assert pd.advise(replace(step_bar, name="singular bar"), 1e-3, data=tmp_path).settings["n"] == 400  # by name
 
 
-def test_advice_that_cannot_be_given_says_what_there_is(step_bar, tmp_path):
+def test_advice_is_refused_with_the_scenes_and_the_best_row(step_bar, tmp_path):
     measured(tmp_path)
     with pytest.raises(ValueError, match=r"best of 3 is slow, n = 400, N = 3, dtype = float64, error 1.00e-03 in"):
         pd.advise("singular-bar", 1e-4, data=tmp_path)
@@ -233,8 +233,8 @@ def test_advice_that_cannot_be_given_says_what_there_is(step_bar, tmp_path):
         pd.advise("singular-bar", 0.05, data=tmp_path)
 
 
-def test_advice_on_several_loads_takes_the_worst(tmp_path):
-    """A criterion that is right at one load by luck is no advice."""
+def test_advice_over_several_loads_counts_the_largest_error(tmp_path):
+    """A criterion that is accurate at one load by chance is not recommended, nor one that lacks a load."""
     rows = [
         {"method": m, "settings": {"scene": "critical-load", "load": a}, "dtype": "float64", "seconds": s, "error": e}
         for m, a, s, e in (("lucky", "a", 0.1, 1e-4), ("lucky", "b", 0.1, 0.9), ("sure", "a", 1.0, 1e-3),

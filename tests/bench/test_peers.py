@@ -1,6 +1,7 @@
-"""The benchmarks' opponents: hand-written kernels, LAMMPS and differences give pdjax's forces, Hessians and spectra.
+"""The independent programs of the benchmarks give the forces, Hessians and spectra of pdjax.
 
-Independent programs of the same equations: each is a test of the other. Left out where Numba or LAMMPS is missing.
+They are hand-written Numba kernels, LAMMPS, and finite differences. Because they solve the same equations
+independently, each tests the other. Tests whose package is missing are skipped.
 """
 
 import importlib
@@ -29,7 +30,7 @@ SHAPE, SPACING, N = (6, 5, 7), 0.5, 2.2
 
 
 def module(name: str):
-    """A module of benchmarks/peers, or a skip that says what is missing."""
+    """Import a module of benchmarks/peers, or skip the test and name the missing package."""
     if BENCHMARKS not in sys.path:
         sys.path.insert(0, BENCHMARKS)
     needs = {"lattice_forces": "numba", "list_forces": "numba", "grid": "numba"}
@@ -45,7 +46,7 @@ def module(name: str):
 
 
 def linear(r, horizon):
-    """`pd.linear_influence` in NumPy."""
+    """The function `pd.linear_influence` in NumPy."""
     return np.maximum(1 - r / horizon, 0)
 
 
@@ -58,8 +59,8 @@ def displacement(points: int, size: float) -> np.ndarray:
 
 
 @pytest.mark.parametrize("name", MODELS)
-def test_lattice_kernels(name):
-    """With an influence that changes along a row, small strains (the kernels' series) and large ones (libm)."""
+def test_lattice_kernels_give_the_forces_of_pdjax(name):
+    """The influence varies along a row. The kernels use a series at small strains and libm at large strains."""
     forces, grid = module("lattice_forces"), module("grid")
     model, kind, constants = MODELS[name]
     body = pd.lattice(SHAPE, SPACING)
@@ -72,8 +73,8 @@ def test_lattice_kernels(name):
 
 
 @pytest.mark.parametrize("name", MODELS)
-def test_list_kernels(name):
-    """A jittered cloud of unequal volumes; two threads of the general order give what one gives."""
+def test_list_kernels_give_the_forces_of_pdjax(name):
+    """The cloud is jittered and has unequal volumes. For one order m, two threads are tested too."""
     forces = module("list_forces")
     model, kind, constants = MODELS[name]
     body, u = cloud()
@@ -99,8 +100,8 @@ PERI = {
 
 
 @pytest.mark.parametrize("style", PERI)
-def test_lammps(style):
-    """Forces with LAMMPS's partial volumes, twice (a second call must not find broken bonds); its Hessian."""
+def test_lammps_gives_the_forces_and_the_hessian_of_pdjax(style):
+    """With LAMMPS's partial volumes. Forces are computed twice, because a second call must not find broken bonds."""
     peri = module("lammps_peri")
     model, constants, influence = PERI[style]
     body = pd.lattice((5, 4, 4), SPACING)
@@ -114,8 +115,8 @@ def test_lammps(style):
     engine.close()
 
 
-def test_differences_and_arpack():
-    """f_i = u_{i−1} − 2u_i + u_{i+1} − u_i³ with fixed ends: its Jacobian; at rest λ = −4 sin²(kπ/2(n + 1))."""
+def test_differences_and_arpack_give_the_jacobian_and_the_spectrum_of_a_chain():
+    """f_i = u_{i−1} − 2u_i + u_{i+1} − u_i³ with fixed ends; at rest λ = −4 sin²(kπ/2(n + 1))."""
     by = module("by_differences")
     n = 12
     chain = np.eye(n, k=1) + np.eye(n, k=-1) - 2 * np.eye(n)
@@ -129,8 +130,8 @@ def test_differences_and_arpack():
     assert worst(values, -4 * np.sin(np.arange(1, 4) * np.pi / (2 * (n + 1))) ** 2) < 1e-7 and calls > 6  # 8e-9
 
 
-def test_symbol_by_differences():
-    """The peer of a stability map: max over waves of the symbol's largest eigenvalue, m = 0.7 and 0."""
+def test_symbol_by_differences_has_the_largest_eigenvalue_of_pdjax():
+    """The peer of a stability map: the largest eigenvalue of the symbol over three waves, m = 0.7 and 0."""
     by = module("by_differences")
     fam = pd.lattice_family(2, 2)
     peer = by.SethHillLattice(fam.xi, np.ones(len(fam.xi)), LAM, MU)
