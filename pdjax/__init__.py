@@ -1,4 +1,4 @@
-"""pdjax: a stability laboratory and differentiable engine for peridynamics, in JAX.
+"""A stability laboratory and differentiable engine for peridynamics, in JAX.
 
 Write a material model once, for one family of bonds. pdjax gives its forces, its exact Jacobian, its spectrum and its
 critical loads, the equilibria and motions of whole bodies, and the derivatives of all of them.

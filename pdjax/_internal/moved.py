@@ -63,10 +63,20 @@ MOVED = {
 }
 
 
+OUTSIDE = ("paper", "closed_forms", "compilation_cache")  # their names are not all names of pdjax itself
+
+
 def hint(name: str) -> str:
     """The end of the error message for the earlier module `pdjax.name`. It is empty if no such module existed."""
     place = MOVED.get(name)
-    return "" if place is None else f"; its content is now in pdjax.{place}, and its public names are in pdjax itself"
+    if place is None:
+        return ""
+    text = f"; its content is now in pdjax.{place}"
+    parts = [old for old in MOVED if old.startswith(f"{name}.") and not MOVED[old].startswith(place)]
+    elsewhere = [f"{old} in pdjax.{MOVED[old]}" for old in parts]
+    if elsewhere:
+        text += f" ({', '.join(elsewhere)})"
+    return text if name in OUTSIDE else f"{text}, and its public names are in pdjax itself"
 
 
 class _Finder(MetaPathFinder):

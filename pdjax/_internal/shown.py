@@ -51,3 +51,11 @@ def _is_known_number(value: Any) -> bool:
     if value.shape != () or isinstance(value, jax.ShapeDtypeStruct):
         return False
     return not isinstance(value, jax.Array) or (value.is_fully_addressable and not value.is_deleted())
+
+
+def told(module: Any) -> str:
+    """The text of `print(module)` where its values are known and single, otherwise equinox's form."""
+    try:
+        return str(module)
+    except (TypeError, ValueError, IndexError, jax.errors.JAXTypeError):
+        return eqx.tree_pformat(module)

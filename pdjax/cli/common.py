@@ -10,6 +10,8 @@ import numpy as np
 
 from .._internal.checks import written_whole
 from .._internal.pictures import write_picture
+from ..geometry.influence import INFLUENCES
+from ..infinite_lattice.paths import PATHS
 
 Job = tuple[dict, Callable[[], str] | None]  # the results, and a function that writes the files and returns a message
 
@@ -33,13 +35,13 @@ def lattice_arguments() -> Parser:
     common.add_argument(
         "--influence",
         default="constant",
-        choices=("constant", "inverse_distance", "linear", "cubic_spline", "gaussian"),
+        choices=[name.replace(" ", "_") for name in INFLUENCES],
         help="influence function of the bonds; linear is 1 - r/horizon (default constant)",
     )
     common.add_argument(
         "--path",
         default="hydrostatic",
-        choices=("hydrostatic", "uniaxial-strain", "uniaxial-stress", "simple-shear"),
+        choices=list(PATHS),
         help="load path: the deformation gradient F as a function of the load a (default hydrostatic)",
     )
     common.add_argument("--resolution", type=int, help="intervals of the search grid from 0 to π/spacing (default 8 N)")

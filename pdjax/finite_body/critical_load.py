@@ -31,6 +31,7 @@ from jaxtyping import Array
 
 from .._internal.checks import in_double
 from .._internal.public import public_function
+from .._internal.shown import told
 from .factorisation import Factor, Singular, as_operator, count_positive, matrix, product_rate, unknown_volumes
 from .scene import Scene, frozen
 from .spectrum import (
@@ -79,6 +80,9 @@ class BodyCritical(eqx.Module):
     def factorisations(self) -> int:
         """Number of sparse matrix factorisations."""
         return len(self.positive)
+
+    def __repr__(self) -> str:
+        return told(self)
 
     def __str__(self) -> str:
         proof = "proved by inertia" if self.proved else "not proved"

@@ -25,6 +25,7 @@ from jaxtyping import Array
 
 from .._internal.checks import choice, in_double
 from .._internal.public import public_function
+from .._internal.shown import told
 from ..force.fields import point_field
 from .factorisation import Factor, Singular, as_operator, count_positive, matrix, product, unknown_volumes
 from .scene import Scene
@@ -89,6 +90,9 @@ class BodyStability(eqx.Module):
         It says what an equilibrium is, and has no meaning at other states.
         """
         return {"stable": "minimum", "marginal": "degenerate", "unstable": "saddle"}[self.verdict]
+
+    def __repr__(self) -> str:
+        return told(self)
 
     def __str__(self) -> str:
         count = "not counted" if self.positive is None else f"{self.positive} positive"

@@ -332,7 +332,8 @@ def strain_energy(model: AbstractModel, families: Families, u, F=None) -> Float[
     u : array, shape (points, dim)
         Displacements [length].
     F : array, shape (dim, dim), optional
-        Mean deformation gradient [-] of a periodic body; the identity by default.
+        Homogeneous deformation gradient [-] under the displacement, x = F X + u. Default: the identity.
+        A periodic body can be strained in no other way.
 
     Returns
     -------
@@ -372,7 +373,8 @@ def strain(model: AbstractModel, families: Families, u, F=None) -> Float[Array, 
     u : array, shape (points, dim)
         Displacements [length].
     F : array, shape (dim, dim), optional
-        Mean deformation gradient [-] of a periodic body; the identity by default.
+        Homogeneous deformation gradient [-] under the displacement, x = F X + u. Default: the identity.
+        A periodic body can be strained in no other way.
 
     Returns
     -------
@@ -411,7 +413,8 @@ def stress(model: AbstractModel, families: Families, u, F=None) -> Float[Array, 
     u : array, shape (points, dim)
         Displacements [length].
     F : array, shape (dim, dim), optional
-        Mean deformation gradient [-] of a periodic body; the identity by default.
+        Homogeneous deformation gradient [-] under the displacement, x = F X + u. Default: the identity.
+        A periodic body can be strained in no other way.
 
     Returns
     -------

@@ -126,7 +126,8 @@ class ForceOperator(eqx.Module):
         u : array, shape (points, dim)
             Displacements [length].
         F : array, shape (dim, dim), optional
-            Mean deformation gradient [-] of a periodic body; the identity by default.
+            Homogeneous deformation gradient [-] under the displacement, x = F X + u. Default: the identity.
+            A periodic body can be strained in no other way.
 
         Returns
         -------
@@ -250,7 +251,8 @@ def force_density(model: AbstractModel, families: Families, u, F=None, way: str 
     u : array, shape (points, dim)
         Displacements [length].
     F : array, shape (dim, dim), optional
-        Mean deformation gradient [-] of a periodic body; the identity by default.
+        Homogeneous deformation gradient [-] under the displacement, x = F X + u. Default: the identity.
+        A periodic body can be strained in no other way.
     way : {"auto", "families", "slices", "fft"}, optional
         Backend that computes the forces: padded neighbour arrays for any cloud, slices of a lattice, or convolutions on
         a lattice. All give the same result to rounding. "auto" takes the fastest by measurement.

@@ -86,7 +86,8 @@ def dilatation(families: Families, u, F=None) -> Float[Array, " points"]:
     u : array, shape (points, dim)
         Displacements [length].
     F : array, shape (dim, dim), optional
-        Mean deformation gradient [-] of a periodic body; the identity by default.
+        Homogeneous deformation gradient [-] under the displacement, x = F X + u. Default: the identity.
+        A periodic body can be strained in no other way.
 
     Returns
     -------
@@ -130,7 +131,8 @@ def energy_density(model: AbstractModel, families: Families, u, F=None) -> Float
     u : array, shape (points, dim)
         Displacements [length].
     F : array, shape (dim, dim), optional
-        Mean deformation gradient [-] of a periodic body; the identity by default.
+        Homogeneous deformation gradient [-] under the displacement, x = F X + u. Default: the identity.
+        A periodic body can be strained in no other way.
 
     Returns
     -------
@@ -186,7 +188,8 @@ def cauchy_stress(model: AbstractModel, families: Families, u, F=None) -> Float[
     u : array, shape (points, dim)
         Displacements [length].
     F : array, shape (dim, dim), optional
-        Mean deformation gradient [-] of a periodic body; the identity by default.
+        Homogeneous deformation gradient [-] under the displacement, x = F X + u. Default: the identity.
+        A periodic body can be strained in no other way.
 
     Returns
     -------

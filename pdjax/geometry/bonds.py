@@ -422,7 +422,8 @@ class Families(eqx.Module):
         u : array, shape (points, dim)
             Displacements [length].
         F : array, shape (dim, dim), optional
-            Mean deformation gradient [-] of a periodic body; the identity by default.
+            Homogeneous deformation gradient [-] under the displacement, x = F X + u. Default: the identity.
+            A periodic body can be strained in no other way.
 
         Returns
         -------

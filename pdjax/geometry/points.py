@@ -57,6 +57,10 @@ class Points(eqx.Module):
     sites: np.ndarray | None = None
     precision: float = eqx.field(static=True, default=0.0)
 
+    def __repr__(self) -> str:
+        spacing = "" if self.spacing is None else f", spacing {self.spacing:g}"
+        return f"Points({len(self)} points, {self.dim}D{spacing})"
+
     @property
     def dim(self) -> int:
         """Number of space dimensions: 1, 2 or 3."""

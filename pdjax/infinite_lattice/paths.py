@@ -1,9 +1,9 @@
 """Load paths: a homogeneous deformation gradient F(a) for each load a, with F(0) = I.
 
-A path is any function (a, model, family) → F (dim, dim) that JAX can trace. It can have two attributes. `symmetry`
-(default "inversion") names the symmetry that the deformed lattice keeps of the cubic one, and thus the part of the
-Brillouin zone that is searched (see `pdjax.infinite_lattice.brillouin`). `stretch` (default False) is True if 1 + a is
-a stretch, which needs a > −1.
+A path is any function (a, model, family) → F (dim, dim) that JAX can trace. pdjax searches the part of the Brillouin
+zone that the symmetry of the deformed lattice leaves (`pdjax.infinite_lattice.brillouin`). The paths of this module are
+registered with `_keeps(symmetry, stretch)`: the symmetry that they keep, and whether 1 + a is a stretch, which needs
+a > −1. For any other path only the inversion symmetry is used, which always holds and takes more time.
 
     hydrostatic      F = (1 + a) I
     uniaxial strain  F = diag(1 + a, 1, 1)

@@ -42,7 +42,8 @@ def jvp(model: AbstractModel, families: Families, u, v, F=None) -> Float[Array, 
     v : array, shape (points, dim)
         Direction [length].
     F : array, shape (dim, dim), optional
-        Mean deformation gradient [-] of a periodic body; the identity by default.
+        Homogeneous deformation gradient [-] under the displacement, x = F X + u. Default: the identity.
+        A periodic body can be strained in no other way.
 
     Returns
     -------
@@ -88,7 +89,8 @@ def jacobian(model: AbstractModel, families: Families, u, form: str = "sparse", 
         "sparse" assembles a matrix from the linearised families. "dense" uses `jax.jacfwd`. "coloured" computes the
         sparse matrix from directional derivatives instead.
     F : array, shape (dim, dim), optional
-        Mean deformation gradient [-] of a periodic body; the identity by default.
+        Homogeneous deformation gradient [-] under the displacement, x = F X + u. Default: the identity.
+        A periodic body can be strained in no other way.
 
     Returns
     -------

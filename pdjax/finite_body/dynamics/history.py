@@ -8,6 +8,7 @@ from jaxtyping import Array, Float
 
 from ..._internal.checks import on_device
 from ..._internal.ending import Ending
+from ..._internal.shown import told
 from ..scene import Scene
 from .verlet import Energies
 
@@ -91,7 +92,8 @@ class History(eqx.Module):
     steps : int
         Number of steps.
     code : int or None
-        How the run ended: 0 at its end, other numbers as in `reason`. None under a transformation of JAX.
+        Number of the ending: 0 at its end, 1 a value is not finite, 2 the energy grew, 3 the solver failed. None under
+        a transformation of JAX. `ending` is the same as an enumeration.
     failure : Failure or None
         Description of a run that ended early.
 
@@ -130,6 +132,9 @@ class History(eqx.Module):
             return "the run was traced and therefore not monitored"
         words = RunEnding.of(self.code).reason
         return words if self.failure is None else f"{words}: {self.failure.why}"
+
+    def __repr__(self) -> str:
+        return told(self)
 
     def __str__(self) -> str:
         error = float(np.max(np.abs(np.asarray(self.energies.error))))

@@ -13,6 +13,7 @@ from jaxtyping import Array, Float
 
 from ..._internal.checks import is_concrete
 from ..._internal.ending import Ending
+from ..._internal.shown import told
 from ..spectrum import BodyStability
 
 TORN = 1e3  # ratio of the length of a bond to its reference length beyond which the body counts as come apart
@@ -101,6 +102,9 @@ class Equilibrium(eqx.Module):
     def kind(self) -> str | None:
         """Kind of equilibrium: "minimum", "saddle" or "degenerate"; None if `stability` is None."""
         return None if self.stability is None else self.stability.kind
+
+    def __repr__(self) -> str:
+        return told(self)
 
     def __str__(self) -> str:
         head = "converged" if self.converged else f"not converged: {self.reason}"

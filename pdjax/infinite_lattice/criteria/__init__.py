@@ -1,8 +1,9 @@
 """Stability criteria of the infinite lattice, from cheap to decisive.
 
-`stability` evaluates any of them and explains them in its docstring. Each criterion is a function (model, family, F) →
-`Outcome`. To add one, write such a function and add a line to `CRITERIA`. The criterion "symbol", which searches the
-Brillouin zone, takes the zone as a fourth argument.
+`stability` evaluates any of them and explains them in its docstring. Each criterion is a function (model, family, F,
+at=None) → `Outcome`. `at` is the `Outcome.at` of an earlier call: the criterion then skips its search and evaluates
+there. A criterion without a search ignores it. To add one, write such a function and add a line to `CRITERIA`. Only
+"symbol", which searches the Brillouin zone, takes the zone before `at`.
 
 Sources: Silling 2017 (material), Behzadinasab & Foster (diagonal, continuum), Born & Huang 1954 (symbol).
 """

@@ -314,8 +314,8 @@ def load_slope(
 
     max over the half-reciprocal k of dλ_max(k)/d|a| / (M κ²) at a = 0
 
-    Only half-reciprocal points (components 0 or π/h) are considered, and there only modes with λ = 0 at rest. M is the
-    P-wave modulus and κ² = Σ_i ((2/h) sin(k_i h/2))².
+    Only half-reciprocal points k ≠ 0 (components 0 or π/h) are considered, and there only modes with λ = 0 at rest.
+    M is the P-wave modulus and κ² = Σ_i ((2/h) sin(k_i h/2))².
 
     Parameters
     ----------

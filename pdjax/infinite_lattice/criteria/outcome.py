@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..._internal.checks import namespace
+from ..._internal.shown import told
 from ..brillouin import top_pair
 
 
@@ -90,10 +91,16 @@ class Stability(eqx.Module):
         words = verdicts(self.margin, self.tolerance)
         return str(words) if words.ndim == 0 else words
 
+    def __repr__(self) -> str:
+        return told(self)
+
     def __str__(self) -> str:
-        lines = [f"{self.criterion}: {self.verdict}, margin {np.asarray(self.margin)}"]
+        def text(values: Any) -> str:
+            return np.array2string(np.asarray(values), precision=4)
+
+        lines = [f"{self.criterion}: {self.verdict}, margin {text(self.margin)}"]
         if self.wave_vector is not None:
-            lines.append(f"  wave vector {np.asarray(self.wave_vector)}, eigenvalue {np.asarray(self.eigenvalue)}")
+            lines.append(f"  wave vector {text(self.wave_vector)}, eigenvalue {text(self.eigenvalue)}")
         if jnp.asarray(self.margin).dtype == jnp.float32:
             lines.append(f"  float32: margins within ±{np.asarray(self.tolerance):.1e} can't be told from zero")
         return "\n".join(lines)
