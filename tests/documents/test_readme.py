@@ -36,7 +36,7 @@ TIMES = {  # words of the README's table of tasks → (rows of pdjax/bench/measu
     "`pd.stability_map`, `pdjax map`": (["pdjax map, cold"], 0),
     "`pd.force_density`, `pd.jacobian`": (["force_density, 10³ points", "jacobian, 10³ points"], 1),
     "`pd.body_stability`": (["body_stability"], 1),
-    "`pd.solve`, `pd.equilibrium_path`": (["solve, 297 points in 3D"], 1),
+    "`pd.scene`, `pd.solve`, `pd.figures.field`": (["solve, 297 points in 3D"], 1),
     "`pd.simulate`, `pd.export.write_vtk`": (["simulate"], 1),
 }
 
