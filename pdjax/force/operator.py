@@ -17,6 +17,7 @@ The families object keeps them. A plain `force_density` is therefore as fast as 
 inside a user's own `jax.jit`.
 """
 
+import warnings
 from typing import Any
 
 import equinox as eqx
@@ -46,6 +47,7 @@ from .fields import check_model, point_field
 
 BACKENDS: dict[str, Any] = {"families": padded, "slices": slices, "fft": fft}
 WAYS = ("auto", *BACKENDS)
+HUGE = 3.0  # a body that moves apart by more than this many times its size has probably a wrong u
 MANY = 100  # offsets from which "fft" of degree 1 is faster than "slices" (3D, N = 3 has 122; `pdjax bench ways`)
 
 
@@ -280,9 +282,24 @@ def force_density(model: AbstractModel, families: Families, u, F=None, way: str 
     [0.1, -0.1]
     """
     f = force_operator(model, families, way, F is not None)(u, F)
-    if in_host_memory(f) and not np.isfinite(np.asarray(f)).all():
-        raise ValueError(_not_finite(families, np.asarray(f), u, F))
+    if in_host_memory(f):
+        if not np.isfinite(np.asarray(f)).all():
+            raise ValueError(_not_finite(families, np.asarray(f), u, F))
+        _warn_of_huge_displacements(families, u)
     return f
+
+
+def _warn_of_huge_displacements(families: Families, u: Any) -> None:
+    """Warn if displacements differ by more than HUGE times the size of the body: u is then probably in another unit."""
+    if families.positions is None or not is_concrete(u, families.positions):
+        return
+    size, spread = (float(np.ptp(np.asarray(x), axis=0).max()) for x in (families.positions, u))
+    if spread > HUGE * size:
+        warnings.warn(
+            f"the displacements differ by up to {spread:.3g}, and the body is {size:.3g} long: u must be in the unit of"
+            " length of the positions, and be displacements, not deformed positions",
+            stacklevel=3,
+        )
 
 
 def _not_finite(families: Families, f: np.ndarray, u: Any, F: Any) -> str:

@@ -1,5 +1,7 @@
 """Force states, stresses of affine maps, mean deformations, constants that vary from point to point, and errors."""
 
+import warnings
+
 import bodies
 import equinox as eqx
 import jax
@@ -225,3 +227,13 @@ def test_springs_of_a_body_have_a_constant_for_each_point():
     assert model.c[inside] == pytest.approx(float(pd.BondBased.from_family(1.5, pd.lattice_family(2, 2)).c), rel=1e-14)
     W = np.asarray(pd.energy_density(model, fams, np.zeros((72, 2)), stretch))
     assert np.ptp(W) < 1e-13 * W.max() and W[0] == pytest.approx(0.5 * 1.5 * 4 * 1e-6, rel=1e-12)
+
+
+def test_displacements_larger_than_the_body_give_a_warning():
+    body = pd.lattice((5, 4))
+    families, model = pd.families(body, 2.1), pd.BondBased(1.0)
+    with pytest.warns(UserWarning, match=r"differ by up to 40, and the body is 4 long: u must be in the unit"):
+        pd.force_density(model, families, 10 * body.positions)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        pd.force_density(model, families, 0.5 * body.positions)
