@@ -193,10 +193,14 @@ def uniaxial_stress(a, model: AbstractModel, family: LatticeFamily) -> Float[Arr
 
     eps = float(jnp.finfo(family.xi.dtype).eps)
     frozen = jax.lax.stop_gradient((a, model, family))
+    nothing = jnp.zeros((), family.xi.dtype)
+    at_rest = (jnp.zeros_like(frozen[0]), *frozen[1:])
+    # In units of the lateral modulus at rest the tolerance does not depend on the unit of pressure.
+    _, modulus = jax.jvp(lambda b: lateral_stress(b, *at_rest), (nothing,), (jnp.ones_like(nothing),))
     found: optx.Solution = optx.root_find(
-        lambda log_b, _: lateral_stress(log_b, *frozen),
+        lambda log_b, _: lateral_stress(log_b, *frozen) / modulus,
         optx.Newton(rtol=64 * eps, atol=64 * eps),
-        jnp.zeros((), family.xi.dtype),
+        nothing,
         max_steps=50,
         throw=False,
     )

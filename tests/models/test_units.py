@@ -87,3 +87,14 @@ def test_forces_beyond_float32_raise_with_advice():
         u = 1e-2 * h * np.random.default_rng(0).normal(size=(64, 3))
         with pytest.raises(ValueError, match="lengths are near 1, or float64"):
             pd.force_density(pd.Correspondence(law), fams, u)
+
+
+@pytest.mark.parametrize("P", [1e-6, 1e3, 1e11])
+def test_the_lateral_stretch_of_uniaxial_stress_does_not_depend_on_units(precision, P):
+    family = pd.lattice_family(2, 2)
+
+    def stretch(P):
+        law = pd.LinearElastic(1.494 * P, P)
+        return np.asarray(pd.uniaxial_stress(0.03, pd.SethHill(1.0, law), family))[1, 1]
+
+    assert abs(stretch(P) - stretch(1.0)) < (1e-14 if precision == 64 else 1e-6)  # 3e-16, 1e-7
