@@ -4,6 +4,7 @@ import sys
 from importlib.abc import MetaPathFinder
 from typing import Any
 
+# A part of a package that has moved with its package has no line of its own.
 MOVED = {
     "points": "geometry.points",
     "influence": "geometry.influence",
@@ -21,10 +22,6 @@ MOVED = {
     "point_fields": "force.point_fields",
     "devices": "force.backends.slabs",
     "ways": "force.backends",
-    "ways.stream": "force.backends.streaming",
-    "ways.walks": "force.backends.traversal",
-    "ways.components": "force.backends.components",
-    "ways.convolution": "force.backends.fft",
     "assembly": "tangent.assembly",
     "coloring": "tangent.coloring",
     "linearise": "tangent.linearise",
@@ -39,13 +36,6 @@ MOVED = {
     "maps": "infinite_lattice.maps",
     "atlas": "infinite_lattice.atlas",
     "criteria": "infinite_lattice.criteria",
-    "criteria.continuum": "infinite_lattice.criteria.continuum",
-    "criteria.critical": "infinite_lattice.criteria.critical_load",
-    "criteria.flutter": "infinite_lattice.criteria.flutter",
-    "criteria.on_host": "infinite_lattice.criteria.on_host",
-    "criteria.outcome": "infinite_lattice.criteria.outcome",
-    "criteria.point": "infinite_lattice.criteria.point",
-    "criteria.waves": "infinite_lattice.criteria.waves",
     "criteria.body": "finite_body.spectrum",
     "criteria.body_critical": "finite_body.critical_load",
     "conditions": "finite_body.conditions",
@@ -72,8 +62,7 @@ def hint(name: str) -> str:
     if place is None:
         return ""
     text = f"; its content is now in pdjax.{place}"
-    parts = [old for old in MOVED if old.startswith(f"{name}.") and not MOVED[old].startswith(place)]
-    elsewhere = [f"{old} in pdjax.{MOVED[old]}" for old in parts]
+    elsewhere = [f"{old} in pdjax.{MOVED[old]}" for old in MOVED if old.startswith(f"{name}.")]
     if elsewhere:
         text += f" ({', '.join(elsewhere)})"
     return text if name in OUTSIDE else f"{text}, and its public names are in pdjax itself"
@@ -85,8 +74,9 @@ class _Finder(MetaPathFinder):
     def find_spec(self, fullname: str, path: Any = None, target: Any = None) -> None:
         """Raise ModuleNotFoundError for a module that has moved."""
         root, _, name = fullname.partition(".")
-        if root == "pdjax" and hint(name):
-            raise ModuleNotFoundError(f"there is no module {fullname}{hint(name)}", name=fullname)
+        place = hint(name) if root == "pdjax" else ""
+        if place:
+            raise ModuleNotFoundError(f"there is no module {fullname}{place}", name=fullname)
 
 
 def install() -> None:

@@ -156,7 +156,7 @@ class ForceOperator(eqx.Module):
         traced = inside_jit()
         if traced and is_concrete(backend):
             backend = _hidden(backend)
-        if backend.compiler_options and not traced and is_concrete(self.model, backend, u):
+        if backend.quick and not traced and is_concrete(self.model, backend, u):
             return _evaluate_quickly(backend, self.model, u, F)
         return _evaluate(backend, self.model, u, F)
 
@@ -289,11 +289,17 @@ def force_density(model: AbstractModel, families: Families, u, F=None, way: str 
     return f
 
 
+def _spread(x: Any) -> float:
+    """The largest difference between two points of one component of x (points, dim)."""
+    return float(np.ptp(np.asarray(x), axis=0).max())
+
+
 def _warn_of_huge_displacements(families: Families, u: Any) -> None:
     """Warn if displacements differ by more than HUGE times the size of the body: u is then probably in another unit."""
     if families.positions is None or not is_concrete(u, families.positions):
         return
-    size, spread = (float(np.ptp(np.asarray(x), axis=0).max()) for x in (families.positions, u))
+    size = remember(families, "size", lambda: _spread(families.positions))
+    spread = _spread(u)
     if spread > HUGE * size:
         warnings.warn(
             f"the displacements differ by up to {spread:.3g}, and the body is {size:.3g} long: u must be in the unit of"

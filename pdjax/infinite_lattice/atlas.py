@@ -42,15 +42,14 @@ from .brillouin import brillouin_zone, largest_eigenvalue, nudge
 from .climb import climb
 from .cosine_series import Series, entries, forms, on_grid, packed, reached
 from .criteria import check_at_rest, family_zone, margin_tolerance
-from .criteria.critical_load import critical_load, deformations
+from .criteria.critical_load import LIMITS, critical_load, deformations
 from .criteria.on_host import outcomes
 from .lattice_states import checked_states, rings, symbol
 from .paths import PATHS
 
 LAW = "law"
 BATCH, AT_ONCE = 16, 1e-4
-LIMITS = {"compression": 0.9, "tension": 1.0}
-SIDES = tuple(LIMITS)
+SIDES = ("compression", "tension")
 GRID = {1: 8, 2: 6, 3: 4}  # grid intervals of the zone for each spacing in the horizon; the search climbs from there
 SAME = 0.02  # [π/h]; zeros that are closer are one zero
 COST_POINTS = {1: (4096,), 2: (48, 48), 3: (14, 14, 14)}
@@ -181,16 +180,14 @@ def critical(
     model: AbstractModel, family: LatticeFamily, path, side: str, criterion: str = "symbol"
 ) -> tuple[float, str]:
     """(a_cr, verdict of the states before it) along one path and side: `critical_load` on the grid of the atlas."""
-    limit = LIMITS[side]
-    law_family = path is not PATHS["uniaxial-stress"] or criterion != "local"
-    own = model if law_family else Correspondence(model.law)  # type: ignore[attr-defined]
+    sign = sign_of(side)
     intervals = GRID[family.dim] * int(family.reach)
-    edge = float(critical_load(own, family, path, criterion, side, limit, intervals))
+    edge = float(critical_load(model, family, path, criterion, side, resolution=intervals))
     if abs(edge) <= AT_ONCE:
         return 0.0, "unstable at once"
-    sizes = min(abs(edge), limit) * np.arange(1, BATCH) / BATCH
-    F = computed_in_double(deformations, path, sign_of(side) * sizes, own, family)
-    out = outcomes(criterion, own, family, F, family_zone(family, "inversion", intervals))
+    sizes = min(abs(edge), LIMITS[sign]) * np.arange(1, BATCH) / BATCH
+    F = computed_in_double(deformations, path, sign * sizes, model, family)
+    out = outcomes(criterion, model, family, F, family_zone(family, "inversion", intervals))
     margin, tolerance = out.margin, margin_tolerance(family.xi.dtype, out.scale)
     there = np.isfinite(margin)  # a load without a state has no verdict
     return edge, "marginal" if there.any() and (np.abs(margin) <= tolerance)[there].all() else "stable"

@@ -94,11 +94,6 @@ def _box(dim: int, reach: int) -> np.ndarray:
     return every[len(every) // 2 + 1 :]
 
 
-def rings_of(tangent: Tangent) -> int:
-    """How many rings of neighbours the blocks of a tangent reach."""
-    return tangent.rings
-
-
 def series(tangent: Tangent, dim: int, bonds: int) -> Float[Any, "offsets dim dim"]:
     """The blocks B_o [force/length^(dim+1)] of one state of a lattice family of `bonds` bonds."""
     if isinstance(tangent, TwoStageTangent):

@@ -19,6 +19,7 @@ bond. Then V J = −Zᵀ (V H) Z, because the states are linear in η.
 **Any other model.** Its dense tangent C = ∂T/∂η gives J = Div C Δ.
 """
 
+from concurrent.futures import ThreadPoolExecutor
 from functools import singledispatch
 from itertools import pairwise
 from typing import Any, NamedTuple
@@ -32,7 +33,7 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import Array
 
 from .._internal.checks import computed_in_double
-from .._internal.threads import cores, in_threads
+from .._internal.threads import cores
 from .._internal.xla import QUICK, compiled_with
 from ..geometry.bonds import Bonds, Families
 from ..models.base import AbstractModel, PointStateModel, TwoStageModel
@@ -105,7 +106,8 @@ def _product(P: sp.bsr_array, S: sp.bsr_array) -> sp.bsr_array:
         out.sort_indices()
         return out
 
-    parts = list(in_threads(part, list(pairwise(cuts))))
+    with ThreadPoolExecutor(threads) as pool:
+        parts = list(pool.map(part, pairwise(cuts)))
     starts = np.cumsum([0, *(len(p.indices) for p in parts)])
     indptr = np.concatenate([[0], *(p.indptr[1:] + s for p, s in zip(parts, starts, strict=False))])
     data, indices = (np.concatenate([getattr(p, name) for p in parts]) for name in ("data", "indices"))

@@ -287,7 +287,7 @@ def test_the_cosine_series_is_the_symbol(name, dim, N, law):
     fam, draw = pd.lattice_family(dim, N), np.random.default_rng(dim)
     F = jnp.asarray(0.95 * np.eye(dim) + 0.03 * draw.normal(size=(dim, dim)))
     tangent, bonds = eqx.filter_jit(homogeneous_tangent)(model, fam, F), len(fam.xi)
-    offsets = cosine_series.reached(dim, bonds, cosine_series.rings_of(tangent))
+    offsets = cosine_series.reached(dim, bonds, tangent.rings)
     blocks = np.asarray(cosine_series.series(tangent, dim, bonds))
     k = draw.uniform(-np.pi, np.pi, (20, dim))
     k[0] *= 1e-4

@@ -23,7 +23,7 @@ class Backend(eqx.Module):
 
     takes_mean: ClassVar[bool] = True  # whether `force` accepts a mean deformation F
     takes_complex: ClassVar[bool] = False  # whether `force` accepts complex displacements
-    compiler_options: ClassVar[dict] = {}
+    quick: ClassVar[bool] = False  # compiles with the options QUICK, where its program runs as fast with them
 
     @abstractmethod
     def force(self, model: Any, u: Float[Array, "points dim"], F: Array | None) -> Float[Array, "points dim"]:

@@ -25,7 +25,7 @@ from ...models.base import AbstractModel
 from ..bloch import Phases, homogeneous_tangent, long_wave_phases, modulus_at_rest, wave_phases
 from ..brillouin import Zone, class_best, directions, largest_eigenvalue, nudge, second_best, top_pair
 from ..climb import climb
-from ..cosine_series import Forms, Series, entries, forms, on_grid, packed, reached, rings_of, series, upper
+from ..cosine_series import Forms, Series, entries, forms, on_grid, packed, reached, series, upper
 from . import flutter
 from .outcome import Outcome, margin_tolerance
 
@@ -156,7 +156,7 @@ def symbol(
         quiet, unit = jax.lax.stop_gradient((tangent, family.spacing**2 / M))
         bonds = len(family.influence)
         blocks = packed(series(quiet, family.dim, bonds)) * unit
-        found = search(blocks[None], 1, reached(family.dim, bonds, rings_of(tangent)), zone)
+        found = search(blocks[None], 1, reached(family.dim, bonds, tangent.rings), zone)
         at = jax.tree.map(lambda y: y[0], found)
     x, is_long, mode, y, shape, scale = at = jax.lax.stop_gradient(at)
     phases = _frozen_angles(_phases_at(family, x, is_long))
@@ -178,7 +178,7 @@ def _by_growth(tangent, M: Array, family: LatticeFamily, zone: Zone, at) -> Outc
         quiet, unit = jax.lax.stop_gradient((tangent, family.spacing**2 / M))
         bonds = len(family.influence)
         blocks = series(quiet, family.dim, bonds) * unit
-        at = flutter.search(blocks, reached(family.dim, bonds, rings_of(tangent)), zone)
+        at = flutter.search(blocks, reached(family.dim, bonds, tangent.rings), zone)
     (x, is_long, right, left), (y, *pair), scale = at = jax.lax.stop_gradient(at)
     phases = _frozen_angles(_phases_at(family, x, is_long))
     square = flutter.quotient(tangent, phases, right, left)
