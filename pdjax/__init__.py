@@ -201,6 +201,9 @@ from .geometry.influence import (
 from .geometry.influence import (
     partial_volume_influence as partial_volume_influence,
 )
+from .geometry.influence import (
+    signed_influence as signed_influence,
+)
 from .geometry.neighbour_search import families as families
 from .geometry.points import (
     Points as Points,
@@ -222,6 +225,8 @@ from .geometry.points import (
 )
 from .geometry.report import NeighbourReport as NeighbourReport
 from .geometry.report import neighbour_report as neighbour_report
+from .geometry.shells import interpolated_influence as interpolated_influence
+from .geometry.shells import shells as shells
 from .infinite_lattice.atlas import Atlas as Atlas
 from .infinite_lattice.atlas import model_atlas as model_atlas
 from .infinite_lattice.atlas import zero_energy_waves as zero_energy_waves
@@ -287,6 +292,7 @@ from .infinite_lattice.paths import (
 from .infinite_lattice.paths import (
     uniaxial_stress as uniaxial_stress,
 )
+from .infinite_lattice.time_step import lattice_time_step as lattice_time_step
 from .models import (
     CATALOGUE as CATALOGUE,
 )
@@ -325,6 +331,9 @@ from .models import (
 )
 from .models import (
     SethHill as SethHill,
+)
+from .models import (
+    ShellControl as ShellControl,
 )
 from .models import (
     SillingControl as SillingControl,
@@ -369,6 +378,16 @@ from .models.laws import EnergyLaw as EnergyLaw
 from .models.laws import Law as Law
 from .models.laws import LinearElastic as LinearElastic
 from .models.laws import NeoHookean as NeoHookean
+from .optimise.augmented_lagrangian import DesignEnding as DesignEnding
+from .optimise.design_search import Design as Design
+from .optimise.design_search import design as design
+from .optimise.load_cases import LoadCases as LoadCases
+from .optimise.load_cases import load_cases as load_cases
+from .optimise.margins import worst_margin as worst_margin
+from .optimise.pareto import ParetoFront as ParetoFront
+from .optimise.pareto import pareto_front as pareto_front
+from .optimise.wave_speeds import dispersion_error as dispersion_error
+from .optimise.wave_speeds import moduli_error as moduli_error
 from .studies import closed_forms as closed_forms
 from .tangent.jacobian import jacobian as jacobian
 from .tangent.jacobian import jvp as jvp

@@ -43,6 +43,7 @@ MODELS = {
     "silling control": pd.Correspondence(LINEAR, pd.SillingControl(0.5)),
     "wan control": pd.SethHill(0.4, LINEAR, pd.WanControl()),
     "littlewood control": pd.Correspondence(NEO_HOOKEAN, pd.LittlewoodControl(0.3)),
+    "shell control": pd.SethHill(0.4, LINEAR, pd.ShellControl([0.3, 0.7, 1.0], [0.9, -0.2, 0.4])),
     "tupek_radovitzky": pd.TupekRadovitzky(0.4, LINEAR),
     "bond_level": pd.BondLevel(NEO_HOOKEAN),
     "bond_level average": pd.BondLevelAverage(LINEAR),

@@ -105,8 +105,19 @@ def namespace(*trees: Any) -> Any:
 
 
 def frozen(tree: Any) -> Any:
-    """The tree with `stop_gradient` applied to its tracers. Concrete values are returned unchanged."""
-    return jax.tree.map(lambda x: jax.lax.stop_gradient(x) if isinstance(x, jax.core.Tracer) else x, tree)
+    """The tree with `stop_gradient` applied to its tracers. Concrete values are returned unchanged.
+
+    Under `grad`, JAX 0.10 returns a traced Python number as a typed number, which `eqx.filter_jit` takes for a static
+    argument. Every new value would compile a new program, so such a number becomes an array.
+    """
+
+    def value(x: Any) -> Any:
+        if not isinstance(x, jax.core.Tracer):
+            return x
+        y = jax.lax.stop_gradient(x)
+        return y if isinstance(y, jax.Array) else jax.device_put(np.asarray(y, x.dtype))
+
+    return jax.tree.map(value, tree)
 
 
 def in_host_memory(*trees: Any) -> bool:

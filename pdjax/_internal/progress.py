@@ -41,3 +41,21 @@ class Residuals(list[float]):
         """End the line on the terminal."""
         if self.show:
             print(file=sys.stderr)
+
+
+class Counter:
+    """Steps of a search with an unknown end. The terminal shows how many of the allowed ones are done."""
+
+    def __init__(self, total: int, label: str, show: bool):
+        self.done, self.total, self.label, self.show = 0, total, label, show and sys.stderr.isatty()
+
+    def tick(self) -> None:
+        """Count one step."""
+        self.done += 1
+        if self.show:
+            print(f"\r{self.label}: step {self.done} of at most {self.total}", end="", file=sys.stderr, flush=True)
+
+    def end(self) -> None:
+        """End the line on the terminal."""
+        if self.show:
+            print(file=sys.stderr)

@@ -6,6 +6,7 @@ function uses pyplot or another global state of matplotlib: `figure.savefig(path
     maps and lattices  stability_map, dispersion, dispersion_curves, model_atlas
     bodies             scene, field, bars
     motions            motion, cuboid, animation
+    designs            pareto_front
     text               table
     styles             COLOURS, LABELS, SERIES, STYLES
 """
@@ -13,6 +14,7 @@ function uses pyplot or another global state of matplotlib: `figure.savefig(path
 from .atlas import model_atlas
 from .charts import COLOURS, LABELS, SERIES, STYLES, BarCase, bars, dispersion, stability_map
 from .fields import field, scene
+from .fronts import pareto_front
 from .motions import Branch, animation, cuboid, dispersion_curves, motion
 from .tables import table
 
@@ -31,6 +33,7 @@ __all__ = [
     "field",
     "model_atlas",
     "motion",
+    "pareto_front",
     "scene",
     "stability_map",
     "table",

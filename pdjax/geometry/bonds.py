@@ -32,7 +32,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from .._internal.checks import in_host_memory, namespace, native, on_device, on_host, require
 from .._internal.public import public_function
-from .influence import constant_influence, named_influence
+from .influence import SignedInfluence, constant_influence, named_influence
 
 TIE = 1e-9  # relative slack of the horizon
 
@@ -77,16 +77,18 @@ EACH_BOND = Bonds(0, 0, 0, 0, None)  # type: ignore[arg-type]  # vmap over the b
 def checked_influence(influence: Callable | str, r: np.ndarray | Array, horizon) -> np.ndarray | Array:
     """Compute ω of bonds of length r and check that it is finite, non-negative and not zero everywhere.
 
-    The result is a NumPy array if no value is traced.
+    A `SignedInfluence` may be negative. The result is a NumPy array if no value is traced.
     """
     influence = named_influence(influence)
     with np.errstate(all="ignore"):  # the check below reports NaN and infinity, so NumPy need not warn
         omega = influence(r, horizon)
     xp = namespace(omega)
     omega = xp.broadcast_to(xp.asarray(omega, dtype=r.dtype), r.shape)
-    ok = xp.isfinite(omega).all() & (omega >= 0).all() & (omega > 0).any()
+    signed = isinstance(influence, SignedInfluence)
+    ok = xp.isfinite(omega).all() & ((omega >= 0).all() | signed) & (omega != 0).any()
     name = getattr(influence, "__name__", type(influence).__name__)
-    return require(omega, ok, f"influence {name} must be finite, nowhere negative and not zero everywhere")
+    rule = "finite" if signed else "finite, nowhere negative (see signed_influence)"
+    return require(omega, ok, f"influence {name} must be {rule} and not zero everywhere")
 
 
 def _weight(weight, shape) -> np.ndarray | Array:

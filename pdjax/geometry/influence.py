@@ -3,6 +3,9 @@
 An influence function is any callable (r, δ) → ω ≥ 0. `lattice_family` and `families` call it once. They pass NumPy
 arrays if r and δ are known, and JAX arrays if they are traced. Operators and functions of jax.numpy accept both.
 
+An influence function must not be negative: a negative weight can make a shape tensor singular and a body unstable.
+`signed_influence` lifts this rule for one function.
+
 An influence function depends on the distance alone. It is therefore even, ω(ξ) = ω(−ξ), and keeps the symmetry of the
 lattice. Pass parameters with `functools.partial`, for example `partial(gaussian_influence, width=w)`. They may be
 traced and differentiated.
@@ -308,3 +311,42 @@ def partial_volume_influence(influence: Callable | str, spacing) -> Callable:
         return influence(r, horizon) * xp.clip(0.5 + (delta - r) / h, 0, 1)
 
     return part_of_volume
+
+
+class SignedInfluence:
+    """An influence function that may be negative, from `signed_influence`."""
+
+    def __init__(self, influence: Callable):
+        self.influence = influence
+        self.__name__ = f"signed {getattr(influence, '__name__', type(influence).__name__)}"
+
+    def __call__(self, r: Lengths, horizon: Any) -> Lengths:
+        return self.influence(r, horizon)
+
+
+@public_function
+def signed_influence(influence: Callable | str) -> SignedInfluence:
+    """Allow an influence function to be negative.
+
+    Parameters
+    ----------
+    influence : callable or str
+        Influence function (r, δ) → ω, or its name.
+
+    Returns
+    -------
+    SignedInfluence
+        The same function. `lattice_family` and `families` accept its negative values.
+
+    Notes
+    -----
+    Negative weights are a tool of design. They can make a shape tensor singular or a model unstable at rest. Judge the
+    result with `stability` on a fine grid before you use it.
+
+    Examples
+    --------
+    >>> signed = pd.signed_influence(pd.interpolated_influence([0.5, 1.0], [1.0, -0.1]))
+    >>> pd.lattice_family(1, 2, influence=signed).influence.tolist()
+    [1.0, -0.1, 1.0, -0.1]
+    """
+    return SignedInfluence(named_influence(influence))

@@ -19,6 +19,9 @@ largest. M is the P-wave modulus, h the spacing and κ² = Σ_i ((2/h) sin(k_i h
 The limit k → 0 is searched in the same way over the directions of k.
 """
 
+import contextlib
+from collections.abc import Iterator
+from contextvars import ContextVar
 from functools import lru_cache
 from typing import Any, NamedTuple
 
@@ -43,12 +46,28 @@ class Zone(NamedTuple):
     symmetry: str
 
 
+_FINER: ContextVar[int] = ContextVar("finer grid", default=1)
+
+
+@contextlib.contextmanager
+def finer_grid(factor: int) -> Iterator[None]:
+    """Multiply the default number of grid intervals by `factor` in all searches of the block.
+
+    A design is judged anew on a finer grid than the one on which it was found.
+    """
+    token = _FINER.set(factor * _FINER.get())
+    try:
+        yield
+    finally:
+        _FINER.reset(token)
+
+
 def default_intervals(N: float) -> int:
     """The default number of grid intervals over [0, π/h] for a horizon of N spacings: 8 for each spacing.
 
     The highest harmonic of a symbol of two rings is 2N, so that each of its half periods has 4 intervals.
     """
-    return 8 * int(np.ceil(N - 1e-9))
+    return 8 * int(np.ceil(N - 1e-9)) * _FINER.get()
 
 
 @lru_cache(maxsize=64)

@@ -13,6 +13,7 @@ from .lps import LPS
 from .plane import plane_bulk_modulus
 from .reproducing_kernel import ReproducingKernel
 from .seth_hill import SethHill, TupekRadovitzky
+from .shell_control import ShellControl
 from .sub_horizon import SubHorizon
 
 __all__ = [
@@ -29,6 +30,7 @@ __all__ = [
     "PointStateModel",
     "ReproducingKernel",
     "SethHill",
+    "ShellControl",
     "SillingControl",
     "SubHorizon",
     "TupekRadovitzky",

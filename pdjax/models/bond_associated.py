@@ -56,7 +56,7 @@ class _SubFamilies(GradientModel):
         """K_b⁻¹ and H_b = F_b − I of every bond. A bond without weight gets H_b = 0."""
         I = jnp.eye(bonds.xi.shape[1], dtype=bonds.xi.dtype)
         inverse = jax.vmap(lambda K: solve_positive(K, I))(self.shape_tensor(bonds))
-        members = jnp.where((bonds.omega > 0)[:, None], self._members(bonds), 0.0)
+        members = jnp.where((bonds.omega != 0)[:, None], self._members(bonds), 0.0)
         return inverse, jnp.einsum("bk,ki,kj->bij", members, bonds.eta, bonds.xi) @ inverse
 
     def _inside(self, bonds: Bonds) -> Bool[Array, "bonds bonds"]:
@@ -66,7 +66,7 @@ class _SubFamilies(GradientModel):
 
     def _volumes(self, bonds: Bonds) -> Float[Array, " bonds"]:
         """V of the bonds with weight, 0 of the others."""
-        return jnp.where(bonds.omega > 0, bonds.volume, 0.0)
+        return jnp.where(bonds.omega != 0, bonds.volume, 0.0)
 
     def _shares(self, bonds: Bonds) -> Float[Array, " bonds"]:
         """v_b of every bond, 0 for a bond without weight."""

@@ -37,7 +37,7 @@ def mended(H: Float[Array, "dim dim"], bond: Bonds) -> Float[Array, "dim dim"]:
     large rotation or after fracture, and a law in F would return NaN.
     """
     z = bond.eta - H @ bond.xi
-    return jnp.where(bond.omega > 0, H + jnp.outer(z, bond.xi) / jnp.dot(bond.xi, bond.xi), 0.0)
+    return jnp.where(bond.omega != 0, H + jnp.outer(z, bond.xi) / jnp.dot(bond.xi, bond.xi), 0.0)
 
 
 class GradientModel(AbstractModel):

@@ -64,17 +64,23 @@ class Control(eqx.Module):
     """Base of the controls: a force that opposes z = Y − F̄ξ.
 
     `state` is made once for each point, from K and M of its family (the two trees of `sums`) and the law's tangent at
-    rest, A → ℂ:A. `force` gives the force on one bond and is linear in that state.
+    rest, A → ℂ:A. A control with `own_moments` defines `moments(bond)`, and `state` also gets their sums. `force` gives
+    the force on one bond and is linear in that state.
     """
 
     hyperelastic: ClassVar[bool] = True
     objective: ClassVar[bool] = True
     degree: ClassVar[int] = 1
+    own_moments: ClassVar[bool] = False
 
     def __repr__(self) -> str:
         return shown(self)
 
-    def state(self, sums: Sums, tangent: Tangent) -> Any:
+    def moments(self, bond: Bonds) -> tuple[Any, Any]:
+        """The terms of one bond in the sums of the control's own, (reference, deformed)."""
+        raise NotImplementedError
+
+    def state(self, sums: Sums, tangent: Tangent, *own: Sums) -> Any:
         raise NotImplementedError
 
     def force(self, state: Any, bond: Bonds) -> Float[Array, " dim"]:
@@ -124,7 +130,7 @@ class SillingControl(Control):
     def _stiffness(self, horizon: Array, tangent: Tangent, dim: int) -> Array:
         return self.g * micromodulus(bulk_modulus(tangent, dim, horizon.dtype), horizon, dim) / horizon
 
-    def state(self, sums: Sums, tangent: Tangent) -> Any:
+    def state(self, sums: Sums, tangent: Tangent, *own: Sums) -> Any:
         stiffness = self._stiffness(sums.horizon, tangent, sums.dim)
         return stiffness * gradient_of_moments(sums.reference, sums.deformed), stiffness
 
@@ -162,7 +168,7 @@ class WanControl(Control):
 
     objective: ClassVar[bool] = False
 
-    def state(self, sums: Sums, tangent: Tangent) -> Any:
+    def state(self, sums: Sums, tangent: Tangent, *own: Sums) -> Any:
         stiffness = _stiffness_of_wan(sums.reference, tangent)
         return stiffness @ gradient_of_moments(sums.reference, sums.deformed), stiffness
 
@@ -207,7 +213,7 @@ class LittlewoodControl(Control):
     degree: ClassVar[int] = 0
     hyperelastic: ClassVar[bool] = False
 
-    def state(self, sums: Sums, tangent: Tangent) -> Any:
+    def state(self, sums: Sums, tangent: Tangent, *own: Sums) -> Any:
         strength = self.C * micromodulus(bulk_modulus(tangent, sums.dim, sums.horizon.dtype), sums.horizon, sums.dim)
         return strength * gradient_of_moments(sums.reference, sums.deformed), strength
 
@@ -215,5 +221,5 @@ class LittlewoodControl(Control):
         pull, strength = state
         Y = bond.xi + bond.eta
         # The published force has no ω, so bonds without weight (padded or broken ones) are set to zero here.
-        size = jnp.where(bond.omega > 0, 1.0, 0.0) / jnp.sqrt(jnp.dot(bond.xi, bond.xi))
+        size = jnp.where(bond.omega != 0, 1.0, 0.0) / jnp.sqrt(jnp.dot(bond.xi, bond.xi))
         return size * jnp.dot(strength * bond.eta - pull @ bond.xi, Y) / jnp.dot(Y, Y) * Y

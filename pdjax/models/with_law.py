@@ -100,23 +100,24 @@ class WithLaw(PointStateModel):
         return energy + self.control.energy(bonds, tangent_at_rest(self.law, bonds.xi.shape[1], bonds.xi.dtype))
 
     def moments(self, bond: Bonds) -> tuple[Any, Any]:
-        reference, deformed = self.law_moments(bond)
-        if self.control is None or self.by_gradient:
-            return reference, deformed
-        K, M = gradient_moments(bond)
-        return (reference, K), (deformed, M)
+        parts = [self.law_moments(bond)]
+        if self.control is not None:
+            if not self.by_gradient:
+                parts.append(gradient_moments(bond))
+            if self.control.own_moments:
+                parts.append(self.control.moments(bond))
+        return parts[0] if len(parts) == 1 else tuple(zip(*parts, strict=True))
 
     def state(self, sums: Sums) -> Any:
         if self.control is None:
             return self.law_state(sums)
-        law = gradient = sums
-        if not self.by_gradient:
-            law, gradient = (
-                sums._replace(reference=reference, deformed=deformed)
-                for reference, deformed in zip(sums.reference, sums.deformed, strict=True)
-            )
+        parts = [sums]
+        if not self.by_gradient or self.control.own_moments:
+            parts = [sums._replace(reference=r, deformed=d) for r, d in zip(sums.reference, sums.deformed, strict=True)]
+        gradient = parts[0 if self.by_gradient else 1]
+        own = parts[-1:] if self.control.own_moments else []
         tangent = tangent_at_rest(self.law, sums.dim, jax.tree.leaves(gradient.deformed)[0].dtype)
-        return self.law_state(law), self.control.state(gradient, tangent)
+        return self.law_state(parts[0]), self.control.state(gradient, tangent, *own)
 
     def bond_force(self, here: Any, there: Any, bond: Bonds) -> Float[Array, " dim"]:
         if self.control is None:

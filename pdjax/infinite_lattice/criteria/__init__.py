@@ -90,9 +90,13 @@ def _stability(model, family, F, criterion: str, intervals: int, symmetry: str) 
 
 @eqx.filter_jit
 def _with_derivative(model, family, F, criterion: str, intervals: int, symmetry: str, found: Outcome) -> Outcome:
-    """The criterion at the wave vector and mode of `found`, so that its derivatives flow."""
     zone = brillouin_zone(family.dim, intervals, symmetry)
     return evaluate(criterion, model, family, F, zone, found.at, fastest=True)
+
+
+def at_found(model, family, F, criterion: str, zone: Zone, found: Outcome) -> Outcome:
+    """The criterion at the wave vector and mode of `found`, so that its derivatives flow."""
+    return _with_derivative(model, family, F, criterion, zone.intervals, zone.symmetry, found)
 
 
 @public_function
@@ -190,7 +194,7 @@ def stability(
         out = outcomes(criterion, quiet_model, quiet_family, np.asarray(quiet_F)[None], zone)
         out = jax.tree.map(lambda x: x[0], out)
         if not is_concrete(model, family, F):  # Derivatives flow through the margin at the wave and mode found.
-            out = _with_derivative(model, family, F, criterion, zone.intervals, zone.symmetry, out)
+            out = at_found(model, family, F, criterion, zone, out)
     else:
         check_at_rest(model, family)
         out = _stability(model, family, F, criterion, zone.intervals, zone.symmetry)
@@ -205,6 +209,7 @@ __all__ = [
     "CRITERIA",
     "Outcome",
     "Stability",
+    "at_found",
     "check_at_rest",
     "evaluate",
     "family_zone",

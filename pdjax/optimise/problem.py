@@ -1,0 +1,167 @@
+"""A design problem: an objective and constraints as functions of one scaled vector.
+
+The parameters θ are a tree of arrays. The search sees a vector z with θ = θ₀ + s z, where θ₀ is the start and s a size
+for each parameter: the width of its bounds if both are finite, otherwise |θ₀|, and 1 where θ₀ = 0. One call evaluates
+the objective and all constraints together, so that the model is built once. Their derivatives come from one reverse
+pass for each gradient that is asked for.
+
+A point lies outside the domain if a function raises ValueError there or returns NaN: a negative penalty, a load path
+without a state, a modulus that is not positive. `evaluate` then returns None, and the search takes a shorter step.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import numpy as np
+
+from .._internal.checks import as_array
+
+
+class Evaluation(NamedTuple):
+    """The values at one point, and the gradient of any combination of them."""
+
+    z: np.ndarray  # (parameters,)
+    objective: float
+    constraints: np.ndarray  # (constraints,), a feasible point has none > 0
+    gradient: Callable[[float, np.ndarray], np.ndarray]  # of a · objective + b · constraints, in z
+
+    @property
+    def violation(self) -> float:
+        """The largest constraint, 0 at a feasible point."""
+        return float(max(0.0, np.max(self.constraints, initial=0.0)))
+
+
+def named(constraints: Any) -> dict[str, Callable]:
+    """Constraints given as a function, a sequence or a mapping, by name."""
+    if constraints is None:
+        return {}
+    if isinstance(constraints, Mapping):
+        table = dict(constraints)
+    else:
+        several = [constraints] if callable(constraints) else list(constraints)
+        table = {}
+        for i, function in enumerate(several):
+            name = getattr(function, "__name__", "<lambda>")
+            table[f"constraint {i}" if name == "<lambda>" or name in table else name] = function
+    for name, function in table.items():
+        if not callable(function):
+            raise ValueError(f"constraint {name!r} must be a function of what build returns; got {function!r}")
+    return table
+
+
+def _leaves(tree: Any, name: str) -> list[np.ndarray]:
+    leaves = [np.asarray(leaf, float) for leaf in jax.tree.leaves(tree)]
+    if not leaves or not sum(leaf.size for leaf in leaves):
+        raise ValueError(f"{name} must hold at least one number")
+    return leaves
+
+
+class Problem:
+    """Objective and constraints of a scaled vector; see the module."""
+
+    def __init__(self, build: Callable, start: Any, objective: Callable, constraints: Any, bounds: Any):
+        if not callable(build) or not callable(objective):
+            raise ValueError("build and objective must be functions: build(parameters) -> model or (model, family)")
+        self.build, self.objective, self.functions = build, objective, named(constraints)
+        leaves = _leaves(start, "start")
+        self.structure = jax.tree.structure(start)
+        self.shapes = [leaf.shape for leaf in leaves]
+        self.origin = np.concatenate([leaf.ravel() for leaf in leaves])
+        if not np.isfinite(self.origin).all():
+            raise ValueError(f"start must be finite; got {self.origin}")
+        self.names = _entry_names(start)
+        lower, upper = self._bounds(bounds)
+        self.size = np.where(self.origin != 0, np.abs(self.origin), 1.0)
+        both = np.isfinite(lower) & np.isfinite(upper)
+        self.size[both] = (upper - lower)[both]
+        self.lower, self.upper = ((x - self.origin) / self.size for x in (lower, upper))
+        self.evaluations, self.outside, self.last_error = 0, 0, ""
+        self.error: Exception | None = None
+
+    def _bounds(self, bounds: Any) -> tuple[np.ndarray, np.ndarray]:
+        if bounds is None:
+            return np.full(self.origin.shape, -np.inf), np.full(self.origin.shape, np.inf)
+        if not (isinstance(bounds, Sequence) and len(bounds) == 2):
+            raise ValueError("bounds must be a pair (lower, upper) of numbers or of trees like start")
+        sides = []
+        for side in bounds:
+            leaves = [np.asarray(x, float) for x in jax.tree.leaves(side)]
+            if len(leaves) == 1 and leaves[0].ndim == 0:
+                leaves = leaves * len(self.shapes)
+            if len(leaves) != len(self.shapes):
+                raise ValueError(
+                    f"a bound must be one number or a tree like start, which has {len(self.shapes)} leaves"
+                )
+            sides.append(
+                np.concatenate([np.broadcast_to(x, s).ravel() for x, s in zip(leaves, self.shapes, strict=True)])
+            )
+        lower, upper = sides
+        bad = ~((lower < upper) & (lower <= self.origin) & (self.origin <= upper))
+        if bad.any():
+            i = int(np.argmax(bad))
+            raise ValueError(
+                f"bounds must hold lower < upper and contain the start; {self.names[i]} has [{lower[i]:g},"
+                f" {upper[i]:g}] and starts at {self.origin[i]:g}"
+            )
+        return lower, upper
+
+    def parameters(self, z: np.ndarray) -> Any:
+        """The tree of parameters of a scaled vector."""
+        flat = self.origin + self.size * z
+        parts = np.split(flat, np.cumsum([int(np.prod(s)) for s in self.shapes])[:-1])
+        leaves = [as_array(part.reshape(shape)) for part, shape in zip(parts, self.shapes, strict=True)]
+        return jax.tree.unflatten(self.structure, leaves)
+
+    def built(self, parameters: Any) -> tuple:
+        """What `build` returns, as the arguments of objective and constraints."""
+        made = self.build(parameters)
+        return made if isinstance(made, tuple) else (made,)
+
+    def _values(self, parameters: Any) -> tuple:
+        made = self.built(parameters)
+        return tuple(as_array(function(*made)) for function in (self.objective, *self.functions.values()))
+
+    def values(self, z: np.ndarray) -> list[np.ndarray]:
+        """The objective and each constraint at z, without derivatives."""
+        return [np.asarray(x, float) for x in self._values(self.parameters(z))]
+
+    def evaluate(self, z: np.ndarray) -> Evaluation | None:
+        """The values at z with their derivatives, or None if z lies outside the domain."""
+        self.evaluations += 1
+        try:
+            out, pull = jax.vjp(self._values, self.parameters(z))
+        except (ValueError, FloatingPointError, eqx.EquinoxRuntimeError) as error:
+            self.outside, self.last_error, self.error = self.outside + 1, str(error).split("\n")[0], error
+            return None
+        values = [np.asarray(x, float) for x in out]
+        if values[0].shape != ():
+            raise ValueError(f"objective must return one number; it returned an array of shape {values[0].shape}")
+        flat = [x.ravel() for x in values[1:]]
+        if not all(np.isfinite(x).all() for x in (values[0], *flat)):
+            bad = [n for n, x in zip(("objective", *self.functions), values, strict=True) if not np.isfinite(x).all()]
+            self.outside, self.last_error = self.outside + 1, f"{', '.join(bad)} was not finite"
+            return None
+
+        def gradient(a: float, b: np.ndarray) -> np.ndarray:
+            parts = np.split(np.asarray(b, float), np.cumsum([x.size for x in flat])[:-1]) if flat else []
+            weights = [np.asarray(a), *(p.reshape(v.shape) for p, v in zip(parts, values[1:], strict=True))]
+            (tree,) = pull(tuple(as_array(w, o.dtype) for w, o in zip(weights, out, strict=True)))
+            return self.size * np.concatenate([np.asarray(leaf, float).ravel() for leaf in jax.tree.leaves(tree)])
+
+        return Evaluation(z, float(values[0]), np.concatenate([np.zeros(0), *flat]), gradient)
+
+    @property
+    def constraint_names(self) -> list[str]:
+        return list(self.functions)
+
+
+def _entry_names(tree: Any) -> list[str]:
+    """A name for every number of the tree, such as "g" or "weights[2]"."""
+    names = []
+    for path, leaf in jax.tree_util.tree_leaves_with_path(tree):
+        text = jax.tree_util.keystr(path, simple=True, separator=".") or "parameter"
+        shape = np.shape(leaf)
+        names += [text + "".join(f"[{i}]" for i in index) for index in np.ndindex(shape)] if shape else [text]
+    return names

@@ -1,0 +1,131 @@
+"""Tests of the worst margin over load cases, its smooth bound, and their derivatives."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import pdjax as pd
+from pdjax.infinite_lattice.brillouin import brillouin_zone
+from pdjax.optimise.margins import log_trace, sampled
+
+LAW = pd.LinearElastic(1.3, 0.7)
+
+
+def model_of(g, m=1.0):
+    return pd.SethHill(m, LAW, pd.SillingControl(g))
+
+
+@pytest.mark.parametrize("dim", [1, 2])
+def test_worst_margin_is_the_largest_margin_of_stability(dim):
+    family, model = pd.lattice_family(dim, 2), model_of(0.03)
+    cases = pd.load_cases([p for n, p in pd.PATHS.items() if dim > 1 or n != "simple-shear"], [-0.05, 0.02])
+    each = [float(pd.stability(model, family, F).margin) for F in np.asarray(cases(model, family))]
+    assert abs(float(pd.worst_margin(model, family, cases)) - max(each)) < 1e-12  # measured 0 to 2e-15
+    assert float(pd.worst_margin(model, family, cases(model, family))) == float(pd.worst_margin(model, family, cases))
+    inside = jax.jit(lambda g: pd.worst_margin(model_of(g), family, cases))(0.03)
+    assert abs(float(inside) - max(each)) < 1e-9  # measured 2e-16 to 3e-12
+
+
+CASES = [
+    (1, 2, ["hydrostatic"], None),
+    (2, 2, ["hydrostatic", "uniaxial-stress"], None),
+    (2, 2, ["hydrostatic", "simple-shear"], 50.0),
+    pytest.param(3, 1.8, ["uniaxial-strain"], 50.0, marks=pytest.mark.long),
+]
+
+
+@pytest.mark.parametrize(("dim", "N", "paths", "sharpness"), CASES)
+def test_derivative_of_the_worst_margin_is_its_central_difference(dim, N, paths, sharpness):
+    family, cases = pd.lattice_family(dim, N), pd.load_cases(paths, [-0.04, 0.03])
+
+    def margin(x):
+        return pd.worst_margin(model_of(x[0], x[1]), family, cases, sharpness=sharpness)
+
+    x = jnp.array([0.07, 0.6])
+    slope = np.asarray(jax.grad(margin)(x))
+    step = 1e-5 * np.eye(2)
+    central = np.array([(float(margin(x + e)) - float(margin(x - e))) / 2e-5 for e in step])
+    assert np.abs(slope - central).max() < 2e-7 * max(1.0, np.abs(central).max())  # measured up to 3e-9
+
+
+def stretched(theta):
+    """A lattice compressed along x. At theta = 0 its two shear branches coincide for waves along x."""
+    return jnp.diag(jnp.stack([0.95 + 0 * theta, 1 + theta, 1 - theta]))
+
+
+def test_smooth_bound_at_a_repeated_eigenvalue():
+    """Value, bound and derivative where two shear branches of one wave cross, in 3D."""
+    family, model = pd.lattice_family(3, 1.8), model_of(0.05)
+
+    def bound(theta, sharpness=40.0):
+        return pd.worst_margin(model, family, stretched(theta)[None], sharpness=sharpness, resolution=4)
+
+    h = 1e-4
+    central = (float(bound(jnp.array(h))) - float(bound(jnp.array(-h)))) / (2 * h)
+    slope = float(jax.grad(bound)(jnp.array(0.0)))
+    assert abs(slope) < 1e-12 and abs(central) < 1e-10  # even in theta: measured 1e-17 and 0
+    curved = float(bound(jnp.array(h))) + float(bound(jnp.array(-h))) - 2 * float(bound(jnp.array(0.0)))
+    assert curved / h**2 < 40 * 10  # no kink: a kink of slope 0.1 would give 0.2/h = 2000
+    zone = brillouin_zone(3, 4, "inversion")
+    values = np.linalg.eigvalsh(np.asarray(sampled(model, family, stretched(jnp.array(0.0))[None], zone)))
+    largest, n = values.max(), values.size
+    for sharpness in (10.0, 40.0, 1000.0):
+        value = float(bound(jnp.array(0.0), sharpness))
+        assert largest - 1e-12 <= value <= largest + np.log(n) / sharpness + 1e-12
+        exact = largest + np.log(np.exp(sharpness * (values - largest)).sum()) / sharpness
+        assert abs(value - exact) < 1e-12
+
+
+def test_derivative_of_a_trace_of_exponentials_is_smooth_at_a_crossing():
+    def matrix(t):
+        return jnp.array([[[1.0 + t, 0.0], [0.0, 1.0 - t]]])
+
+    for t in (0.0, 1e-9, 0.1):
+        slope = float(jax.grad(lambda t: log_trace(matrix(t), jnp.asarray(20.0)))(t))
+        assert abs(slope - np.tanh(20.0 * t)) < 1e-12  # ln(2 cosh(s t))/s + 1
+
+
+def test_derivative_at_a_kink_is_one_of_the_one_sided_ones():
+    """Compression and tension share the maximum at one order m, and the worst margin has a kink there."""
+    family, cases = pd.lattice_family(1, 2), pd.load_cases("hydrostatic", [-0.05, 0.05])
+
+    def margin(m):
+        return pd.worst_margin(pd.SethHill(m, LAW, pd.SillingControl(0.02)), family, cases)
+
+    slope = jax.grad(margin)
+    low, high = 0.0, 1.0
+    for _ in range(40):  # bisection of the kink, where the derivative changes its sign
+        middle = (low + high) / 2
+        low, high = (middle, high) if float(slope(middle)) < 0 else (low, middle)
+    left = (float(margin(low)) - float(margin(low - 1e-4))) / 1e-4
+    right = (float(margin(high + 1e-4)) - float(margin(high))) / 1e-4
+    assert left < -1e-3 and right > 1e-3
+    assert abs(float(slope(low)) - left) < 1e-3 * abs(left) and abs(float(slope(high)) - right) < 1e-3 * right
+
+
+def test_a_load_path_without_a_state_gives_nan():
+    def nowhere(a, model, family):
+        return jnp.full((family.dim, family.dim), jnp.nan) + a
+
+    family = pd.lattice_family(1, 2)
+    assert np.isnan(float(pd.worst_margin(model_of(0.1), family, pd.load_cases([pd.hydrostatic, nowhere], [0.01]))))
+
+
+def test_wrong_loads_are_refused():
+    family, model = pd.lattice_family(2, 2), model_of(0.1)
+    with pytest.raises(ValueError, match=r"loads must have shape \(cases, 2, 2\).*got \(1, 3, 3\)"):
+        pd.worst_margin(model, family, np.eye(3)[None])
+    with pytest.raises(ValueError, match="det F > 0"):
+        pd.worst_margin(model, family, np.diag([1.0, -1.0])[None])
+    with pytest.raises(ValueError, match="sharpness must be one finite number > 0"):
+        pd.worst_margin(model, family, np.eye(2)[None], sharpness=0.0)
+    with pytest.raises(ValueError, match="sharpness needs a model with an energy"):
+        hourglass = pd.SethHill(1.0, LAW, pd.LittlewoodControl(0.03))
+        pd.worst_margin(hourglass, family, np.eye(2)[None], sharpness=10.0)
+    with pytest.raises(ValueError, match="path must be one of hydrostatic"):
+        pd.load_cases("shear", [0.1])
+    with pytest.raises(ValueError, match="a must be > -1"):
+        pd.load_cases("hydrostatic", [-1.5])
+    with pytest.raises(ValueError, match="at least one path and one load"):
+        pd.load_cases([], [0.1])
