@@ -19,6 +19,7 @@ ORDER = [
     ("infinite_lattice", "finite_body"),
     ("studies.closed_forms",),
     ("scenes",),
+    ("optimise",),
     ("files", "figures"),
     ("studies", "bench"),
     ("cli",),
