@@ -18,47 +18,34 @@ from matplotlib.figure import Figure
 
 import pdjax as pd
 from pdjax.bench.harness import write
-from pdjax.figures import COLOURS
+from pdjax.figures import SERIES
 
 jax.config.update("jax_enable_x64", True)
 STRAIN = -0.01
 MODEL = pd.SethHill(1.0, pd.LinearElastic(1.0, 0.0))
 
 
-def main() -> None:
-    family = pd.lattice_family(1, 3)
+def symbol() -> np.ndarray:
+    """Eigenvalues of the symbol over the Brillouin zone, λ h² / M [–], in ascending order."""
     k = jnp.linspace(0, jnp.pi, 20001)[:, None]
-    symbol = np.sort(np.asarray(pd.symbol(MODEL, family, (1 + STRAIN) * jnp.eye(1), k))[:, 0, 0])
-    top = float(symbol[-1])
-    figure = Figure(figsize=(13.5, 4.2), layout="constrained")
-    left, middle, right = figure.subplots(1, 3)
-    share = np.linspace(0, 1, len(symbol))
-    left.plot(symbol, share, color="#000000", linewidth=2, label="symbol, n → ∞")
-    gaps = []
-    for n, colour in ((24, COLOURS["diagonal"]), (48, COLOURS["block"]), (200, COLOURS["local"])):
-        scene = pd.scenes.step_size_bar(n, 3, STRAIN)
-        values = np.sort(pd.body_spectrum(scene)[0]) / n**2
-        left.step(
-            values, (np.arange(len(values)) + 0.5) / len(values), where="mid", color=colour, label=f"bar, n = {n}"
-        )
-    left.axvline(0, color="#888888", linewidth=0.8)
-    left.set_xlabel("eigenvalue λ h² / κ  [–]")
-    left.set_ylabel("share of eigenvalues below λ  [–]")
-    left.legend(frameon=False, fontsize=8)
+    values = pd.symbol(MODEL, pd.lattice_family(1, 3), (1 + STRAIN) * jnp.eye(1), k)
+    return np.sort(np.asarray(values)[:, 0, 0])
+
+
+def bars() -> list[dict]:
+    """Distances of the spectrum of clamped bars from the symbol's."""
+    known, rows = symbol(), []
     for n in (24, 36, 48, 72, 100, 200, 400, 800, 1400):
         values, _, about = pd.body_spectrum(pd.scenes.step_size_bar(n, 3, STRAIN))
-        cdf = np.interp(np.sort(values) / n**2, symbol, share)
+        cdf = np.interp(np.sort(values) / n**2, known, np.linspace(0, 1, len(known)))
         kolmogorov = float(np.abs(cdf - (np.arange(len(values)) + 0.5) / len(values)).max())
-        gaps.append({"n": n, "top gap": top - float(values[0]) / n**2, "largest gap of shares": kolmogorov,
+        rows.append({"n": n, "top gap": float(known[-1]) - float(values[0]) / n**2, "largest gap of shares": kolmogorov,
                      "residual / norm": float(about["residuals"].max() / about["norm"])})  # fmt: skip
-    n = np.array([g["n"] for g in gaps])
-    for key, colour in (("top gap", "#000000"), ("largest gap of shares", COLOURS["local"])):
-        y = np.array([g[key] for g in gaps])
-        rate = np.polyfit(np.log(n[3:]), np.log(y[3:]), 1)[0]
-        middle.loglog(n, y, "o-", color=colour, markersize=3, label=f"{key}: slope {rate:.2f}")
-    middle.set_xlabel("points n  [–]")
-    middle.set_ylabel("distance from the symbol  [–]")
-    middle.legend(frameon=False, fontsize=8)
+    return rows
+
+
+def plates() -> list[dict]:
+    """Seconds to compute the largest eigenvalue of clamped plates, by method."""
     law = pd.SethHill(1.0, pd.LinearElastic(1.0, 1.0))
     rows = []
     for side in (18, 24, 36, 60, 90):
@@ -73,15 +60,50 @@ def main() -> None:
                          "eigenvalue": found.eigenvalue, "positive": found.positive,
                          "residual / norm": found.residual / found.norm,
                          "factorisations": found.factorisations})  # fmt: skip
-    for method, colour in (("dense", "#000000"), ("sparse", COLOURS["local"]), ("matrix_free", COLOURS["diagonal"])):
-        mine = [r for r in rows if r["method"] == method]
-        name = method.replace("_", "-")
-        right.loglog([r["unknowns"] for r in mine], [r["seconds"] for r in mine], "o-", color=colour, label=name)
-    right.set_xlabel("unknowns, 2D, N = 2, unstable plate  [–]")
+    return rows
+
+
+def draw(numbers: dict) -> Figure:
+    """Draw the three panels. The spectra of the left one are computed here, which takes a few seconds."""
+    figure = Figure(figsize=(13.5, 4.2), layout="constrained")
+    left, middle, right = figure.subplots(1, 3)
+    known = symbol()
+    left.plot(known, np.linspace(0, 1, len(known)), color="#000000", linewidth=2, label="symbol, n → ∞")
+    for n, colour in zip((24, 48, 200), SERIES, strict=False):
+        values = np.sort(pd.body_spectrum(pd.scenes.step_size_bar(n, 3, STRAIN))[0]) / n**2
+        shares = (np.arange(len(values)) + 0.5) / len(values)
+        left.step(values, shares, where="mid", color=colour, label=f"bar, n = {n}")
+    left.axvline(0, color="#888888", linewidth=0.8)
+    left.set_xlabel("eigenvalue λ h² / M  [–]   (above 0: unstable)")
+    left.set_ylabel("share of eigenvalues below λ  [–]")
+    left.set_title("spectrum of a clamped bar", fontsize=10)
+    left.legend(frameon=False, fontsize=8)
+    n = np.array([row["n"] for row in numbers["bars"]])
+    names = {"top gap": "largest eigenvalue", "largest gap of shares": "shares, largest difference"}
+    for (key, name), colour in zip(names.items(), SERIES, strict=False):
+        y = np.array([row[key] for row in numbers["bars"]])
+        rate = np.polyfit(np.log(n[3:]), np.log(y[3:]), 1)[0]
+        label = f"{name}: slope {rate:.2f}".replace("-", "−")
+        middle.loglog(n, y, "o-", color=colour, markersize=3, label=label)
+    middle.set_xlabel("points n  [–]")
+    middle.set_ylabel("difference from the symbol  [–]")
+    middle.set_title("clamped bars", fontsize=10)
+    middle.legend(frameon=False, fontsize=8)
+    for method, colour in zip(("dense", "sparse", "matrix_free"), SERIES, strict=False):
+        mine = [row for row in numbers["plates"] if row["method"] == method]
+        x, y = [row["unknowns"] for row in mine], [row["seconds"] for row in mine]
+        right.loglog(x, y, "o-", color=colour, markersize=4, label=method.replace("_", "-"))
+    right.set_xlabel("unknowns  [–]")
     right.set_ylabel("time for the largest eigenvalue  [s]")
+    right.set_title("clamped plates, 2D, N = 2", fontsize=10)
     right.legend(frameon=False, fontsize=8)
-    figure.suptitle("From the body to the symbol: m = 1, compressed by 1 %", fontsize=11)
-    write("body_spectrum", {"symbol's supremum": top, "bars": gaps, "plates": rows}, figure)
+    figure.suptitle("Spectrum of finite bodies and of the infinite lattice: m = 1, compressed by 1 %", fontsize=11)
+    return figure
+
+
+def main() -> None:
+    numbers = {"symbol's supremum": float(symbol()[-1]), "bars": bars(), "plates": plates()}
+    write("body_spectrum", numbers, draw(numbers))
 
 
 if __name__ == "__main__":

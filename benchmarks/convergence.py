@@ -10,10 +10,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.ticker import NullFormatter
 
 import pdjax as pd
 from pdjax.bench.harness import write
-from pdjax.figures import COLOURS
+from pdjax.figures import SERIES
 
 jax.config.update("jax_enable_x64", True)
 
@@ -32,37 +33,46 @@ def orders(x, y) -> float:
     return float(np.polyfit(np.log(x), np.log(y), 1)[0])
 
 
-def main() -> None:
-    plates, bars = pd.scenes.manufactured_plate, pd.scenes.singular_bar
-    plate_delta = {N: [(N / n, error(plates(n, N))) for n in (20, 40, 80)] for N in (2,)}
-    plate_n = {round(1 / delta): [(N, error(plates(round(N / delta), N))) for N in (2, 3, 4)] for delta in (1 / 10,)}
-    bar_delta = {N: [(N / n, error(bars(n, N, 1e-3))) for n in (64, 256)] for N in (3,)}
-    bar_n = {round(1 / delta): [(N, error(bars(round(N / delta), N, 1e-3))) for N in (1, 2, 4)] for delta in (1 / 32,)}
+def draw(numbers: dict) -> Figure:
+    """Draw the error over the horizon at fixed N (left) and over N at a fixed horizon (right)."""
     figure = Figure(figsize=(10.4, 4.4), layout="constrained")
     left, right = figure.subplots(1, 2)
-    palette = ["#000000", COLOURS["diagonal"], COLOURS["local"]]
-    for data, mark, name in ((plate_delta, "o-", "plate"), (bar_delta, "s--", "singular bar")):
-        for (N, rows), colour in zip(data.items(), palette, strict=False):
+    for kind, style, name, colour in (("plate", "o-", "plate", SERIES[0]), ("bar", "s--", "singular bar", SERIES[2])):
+        how = {"color": colour, "markersize": 4}
+        for N, rows in numbers[f"{kind}, delta"].items():
             x, y = zip(*rows, strict=True)
-            left.loglog(x, y, mark, color=colour, markersize=3, label=f"{name}, N = {N}: order {orders(x, y):.2f}")
-    for data, mark, name in ((plate_n, "o-", "plate"), (bar_n, "s--", "singular bar")):
-        for (inverse, rows), colour in zip(data.items(), palette, strict=False):
-            x, y = zip(*rows, strict=True)
-            right.loglog(x, y, mark, color=colour, markersize=3, label=f"{name}, δ = L/{inverse}")
-    left.set_xlabel("horizon δ/L at fixed N  [–]")
-    right.set_xlabel("N = δ/h at fixed δ  [–]")
-    left.set_title("δ-convergence", fontsize=10)
-    right.set_title("N-convergence", fontsize=10)
-    for axes in (left, right):
-        axes.set_ylabel("error from the local solution  [–]")
-        axes.legend(frameon=False, fontsize=7)
-    numbers = {"plate, delta": plate_delta, "plate, N": plate_n, "bar, delta": bar_delta, "bar, N": bar_n}
+            left.loglog(x, y, style, label=f"{name}, N = {N}: order {orders(x, y):.2f}", **how)
+        for inverse, rows in numbers[f"{kind}, N"].items():
+            right.loglog(*zip(*rows, strict=True), style, label=f"{name}, δ = L/{inverse}", **how)
+    left.set_xlabel("horizon δ/L  [–]")
+    right.set_xlabel("horizon over spacing N = δ/h  [–]")
+    left.set_title("δ-convergence: the horizon decreases at fixed N", fontsize=10)
+    right.set_title("N-convergence: the spacing decreases at fixed horizon", fontsize=10)
+    for axes, x, y in ((left, (0.01, 0.02, 0.05, 0.1), (0.002, 0.005, 0.01, 0.02, 0.05)),
+                       (right, (1, 2, 3, 4), (0.02, 0.03, 0.04, 0.05, 0.06))):  # fmt: skip
+        axes.set_xticks(x, [f"{value:g}" for value in x])
+        axes.set_yticks(y, [f"{value:g}" for value in y])
+        axes.xaxis.set_minor_formatter(NullFormatter())
+        axes.yaxis.set_minor_formatter(NullFormatter())
+        axes.set_ylabel("error from the local solution, relative  [–]")
+        axes.legend(frameon=False, fontsize=8)
+    return figure
+
+
+def main() -> None:
+    plates, bars = pd.scenes.manufactured_plate, pd.scenes.singular_bar
+    numbers = {
+        "plate, delta": {N: [(N / n, error(plates(n, N))) for n in (20, 40, 80)] for N in (2,)},
+        "plate, N": {n: [(N, error(plates(N * n, N))) for N in (2, 3, 4)] for n in (10,)},
+        "bar, delta": {N: [(N / n, error(bars(n, N, 1e-3))) for n in (64, 256)] for N in (3,)},
+        "bar, N": {n: [(N, error(bars(N * n, N, 1e-3))) for N in (1, 2, 4)] for n in (32,)},
+    }
     rates = {
         f"{k}, N = {N}": orders(*zip(*v, strict=True))
         for k in ("plate, delta", "bar, delta")
         for N, v in numbers[k].items()
     }
-    write("convergence", {"orders": rates, **numbers}, figure)
+    write("convergence", {"orders": rates, **numbers}, draw(numbers))
 
 
 if __name__ == "__main__":

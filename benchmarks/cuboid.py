@@ -13,7 +13,7 @@ from matplotlib.lines import Line2D
 
 import pdjax as pd
 from pdjax.bench.harness import write
-from pdjax.figures import COLOURS
+from pdjax.figures import SERIES
 from pdjax.finite_body.factorisation import matrix
 from pdjax.scenes.alternation import roughness
 from pdjax.studies.paper.cuboid import LAW, ONSET, START, STRAINS, growth, predicted, pull
@@ -106,7 +106,7 @@ def main() -> None:
     grid = figure.add_gridspec(6, 3)
     axes = np.array([[figure.add_subplot(grid[3 * row : 3 * row + 3, k]) for k in range(2)] for row in range(2)])
     pictures = [figure.add_subplot(grid[2 * k : 2 * k + 2, 2]) for k in range(3)]
-    shades = {"m = 0": COLOURS["symbol"], "m = 1": COLOURS["local"], "Silling": COLOURS["diagonal"]}
+    shades = dict(zip(models, SERIES, strict=False))
     table = {}
     for key, run in runs.items():
         name, where = key.split(", ")
@@ -168,7 +168,8 @@ def main() -> None:
         handles.append(Line2D([], [], color="#555555", linestyle=style, linewidth=1.2))
         words.append(word)
     figure.legend(handles, words, loc="outside lower center", ncols=7, fontsize=8.5, frameon=False)
-    figure.suptitle(f"Cuboid {shape}, N = 3, λ = μ = ρ = 1, strain rate {rate:g}", fontsize=11)
+    points = " × ".join(map(str, shape))
+    figure.suptitle(f"Cuboid of {points} points, N = 3, λ = μ = ρ = 1, strain rate {rate:g}", fontsize=11)
     for run in [*runs.values(), *halved.values()]:
         run.pop("_u")
     write(

@@ -19,6 +19,7 @@ from matplotlib.figure import Figure
 
 import pdjax as pd
 from pdjax.bench.harness import write
+from pdjax.figures import SERIES
 
 jax.config.update("jax_enable_x64", True)
 LAW = pd.LinearElastic(1.0, 1.0)
@@ -98,30 +99,33 @@ def damage(name: str, N: float) -> dict:
     return row
 
 
-def draw(rows: list[dict]) -> Figure:
+def draw(numbers: dict) -> Figure:
     """Draw the margins of every cell: one row for each model, one panel for each load."""
+    rows = numbers["cells"]
     names = list(dict.fromkeys(r["model"] for r in rows))
     figure = Figure(figsize=(9.2, 0.34 * len(names) + 1.6), layout="constrained")
     axes = figure.subplots(1, 3, sharey=True)
     kinds = list(dict.fromkeys(r["cell"] for r in rows))
-    colours = ["#000000", "#E69F00", "#56B4E9", "#0072B2", "#882255"]
     for ax, a in zip(axes, STRAINS, strict=True):
         for i, kind in enumerate(kinds):
             for row in rows:
                 verdict, margin = row[f"{100 * a:+g} %"]
                 if row["cell"] == kind and verdict != "refused":
                     y = names.index(row["model"]) + 0.13 * (i - (len(kinds) - 1) / 2)
-                    ax.plot([margin], [y], "o", ms=3.6, mfc="none", color=colours[i % 5])
+                    ax.plot([margin], [y], "o", ms=3.6, mfc="none", color=SERIES[i])
         ax.axvline(0, color="black", lw=0.8)
         ax.set_xscale("symlog", linthresh=1e-3, linscale=0.5)
         ax.set_xlim(-1, 10)  # large margins say little: an unstable optical branch is divided by a small κ²
         ax.set_xticks([-0.1, 0, 0.1], ["−0.1", "0", "0.1"])
         ax.set_title("at rest" if a == 0 else f"hydrostatic {100 * a:+g} %".replace("-", "−"), fontsize=9)
-        ax.set_xlabel("margin [-] (> 0: unstable)", fontsize=9)
+        ax.set_xlabel("margin  [–]   (above 0: unstable)", fontsize=9)
     axes[0].set_yticks(range(len(names)), names, fontsize=8)
     axes[0].set_ylim(len(names) - 0.4, -0.6)
     for i, kind in enumerate(kinds):
-        axes[0].plot([], [], "o", mfc="none", color=colours[i % 5], label=kind)
+        label = kind.replace("lattice", "regular lattice")
+        label += " spacings" if kind.startswith("jitter") else ""
+        axes[0].plot([], [], "o", mfc="none", color=SERIES[i], label=label)
+    figure.suptitle("Periodic cells of 3 × 3 points, 2D, N = 2, λ = μ = 1: margin of the symbol", fontsize=10)
     figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=5, fontsize=8, frameon=False)
     return figure
 
@@ -137,7 +141,8 @@ def main() -> None:
         rows += disorder(name, 2.0, jitters, seeds, 4 if quick else 6)
         blocks.append(damage(name, 2.0))
         print(name, flush=True)
-    write("disorder-quick" if quick else "disorder", {"cells": rows, "blocks": blocks}, draw(rows))
+    numbers = {"cells": rows, "blocks": blocks}
+    write("disorder-quick" if quick else "disorder", numbers, draw(numbers))
 
 
 if __name__ == "__main__":

@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 import pdjax as pd
 from pdjax.bench.harness import write
 from pdjax.bench.integrators import SOLVERS, VERLET, plan, scene
+from pdjax.figures import SERIES
 
 jax.config.update("jax_enable_x64", True)
 
@@ -55,26 +56,22 @@ def long_runs() -> dict[str, dict]:
     return rows
 
 
-def main() -> None:
-    rows, drift = precision(), long_runs()
+def draw(numbers: dict, drift: dict[str, dict] | None = None) -> Figure:
+    """Draw both panels. The file keeps only the ends of the long runs: without `drift` they run again.
+
+    Files written before the case `integrators` existed name the seconds "median".
+    """
+    rows, drift = numbers["error against time"], drift or long_runs()
     figure = Figure(figsize=(11.2, 5.0), layout="constrained")
     left, right = figure.subplots(1, 2)
-    palette = ["#000000", "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#882255", "#888888"]
-    shades = dict(zip(rows, palette, strict=True))
+    shades = dict(zip(rows, (*SERIES, "#888888", "#DDCC77"), strict=True))
     for name, line in rows.items():
-        left.loglog(
-            [r["seconds"] for r in line],
-            [r["error"] for r in line],
-            "o-",
-            ms=3.5,
-            lw=1.1,
-            color=shades[name],
-            label=name,
-        )
+        x, y = [r["seconds" if "seconds" in r else "median"] for r in line], [r["error"] for r in line]
+        left.loglog(x, y, "o-", ms=3.5, lw=1.1, color=shades[name], label=name)
     left.set_xlabel("time of the run without compilation  [s]")
     left.set_ylabel("largest error of u and v, relative  [–]")
     left.set_title("four periods of a wave on 60 points", fontsize=10)
-    left.legend(frameon=False, fontsize=8)
+    left.legend(frameon=False, fontsize=8, title="method (order)", title_fontsize=8)
     for name, line in drift.items():
         right.loglog(line["times"][1:], line["largest"][1:], lw=1.2, color=shades[name], label=name)
     right.set_ylim(1e-3, 30)
@@ -84,11 +81,17 @@ def main() -> None:
     right.set_ylabel("largest error of the wave's energy so far, relative  [–]")
     right.set_title("200 periods at half the critical step", fontsize=10)
     right.legend(frameon=False, fontsize=8)
+    return figure
+
+
+def main() -> None:
+    rows, drift = precision(), long_runs()
     ends = {
         name: {"last": line["error"][-1], "largest": line["largest"][-1], "finished": line["finished"]}
         for name, line in drift.items()
     }
-    write("integrators", {"error against time": rows, "energy error at the end of 200 periods": ends}, figure)
+    numbers = {"error against time": rows, "energy error at the end of 200 periods": ends}
+    write("integrators", numbers, draw(numbers, drift))
 
 
 if __name__ == "__main__":

@@ -26,6 +26,7 @@ from matplotlib.figure import Figure
 
 import pdjax as pd
 from pdjax.bench.harness import machine, results, write
+from pdjax.figures import SERIES
 from pdjax.finite_body.factorisation import matrix
 from pdjax.infinite_lattice.criteria.flutter import growth_square
 from pdjax.models.catalogue import CATALOGUE
@@ -46,7 +47,7 @@ QUICK = {
     "models": ["bond-based", "LPS", "Silling + hourglass", "Seth–Hill 0"],
 }
 SIDES = {"tension": 1, "compression": -1}
-TINT = {"tension": "#D55E00", "compression": "#0072B2"}
+TINT = {"tension": SERIES[2], "compression": SERIES[0]}
 MARK = {"minimum": "o", "degenerate": "D", "saddle": "X", "steady": "s", "growing": "P"}
 
 
@@ -178,12 +179,12 @@ def draw(numbers: dict) -> Figure:
         left.plot([], [], "o", color=TINT[side], label=side)
         right.barh(0, 0, color=TINT[side], alpha=0.9, label=f"fails in {side}")
         right.barh(0, 0, color=TINT[side], alpha=0.35, label=f"no failure in {side}")
-    words = {"steady": "no energy: steady", "growing": "no energy: growing"}
+    words = {"steady": "model without energy: no growing mode", "growing": "model without energy: a growing mode"}
     for kind in (k for k in MARK if k in seen):
         left.plot([], [], MARK[kind], color="#777777", label=words.get(kind, kind))
     right.plot([], [], "k>", markersize=4, label="same, from random displacements of h/1000")
     figure.legend(*left.get_legend_handles_labels(), loc="outside lower left", ncols=3, frameon=False, fontsize=8)
-    figure.legend(*right.get_legend_handles_labels(), loc="outside lower right", ncols=3, frameon=False, fontsize=8)
+    figure.legend(*right.get_legend_handles_labels(), loc="outside lower right", ncols=2, frameon=False, fontsize=8)
     where = numbers["settings"]
     shape = " × ".join(map(str, where["cuboid shape"]))
     figure.suptitle(

@@ -24,18 +24,19 @@ from matplotlib.figure import Figure
 
 import pdjax as pd
 from pdjax.bench.harness import timed, write
+from pdjax.figures import SERIES
 from pdjax.infinite_lattice import brillouin as zone
 
 jax.config.update("jax_enable_x64", True)
 QUICK = "--quick" in sys.argv[1:]
 LAM, MU, BULK, SHEAR, C = 1.0, 0.8, 1.3, 0.7, 1.3
 LAW = pd.LinearElastic(LAM, MU)
-COLOURS = {
-    "pdjax": "#000000",
-    "pdjax, families": "#56B4E9",
-    "Numba, lattice": "#0072B2",
-    "Numba, list": "#E69F00",
-    "LAMMPS": "#CC79A7",
+LABELS = {  # code: (its name in the figure, colour)
+    "pdjax": ("pdjax, lattice", "#000000"),
+    "pdjax, families": ("pdjax, padded families", "#888888"),
+    "Numba, lattice": ("Numba, lattice", SERIES[0]),
+    "Numba, list": ("Numba, neighbour lists", SERIES[1]),
+    "LAMMPS": ("LAMMPS", SERIES[2]),
 }
 MODELS = {
     "PMB": (pd.BondBased(C), "PMB", (C,), ("pmb", (C,), pd.constant_influence)),
@@ -226,27 +227,26 @@ def maps(orders: int, loads: int, intervals: int = 24) -> dict:
     }
 
 
-def chart(rows: dict) -> Figure:
-    """Draw nanoseconds per bond by model. Filled marks: pdjax or one thread; open marks: two threads."""
-    figure = Figure(figsize=(8.2, 4.4), layout="constrained")
+def draw(numbers: dict) -> Figure:
+    """Draw nanoseconds per bond by model. Filled marks: one thread; open marks: two threads."""
+    rows = numbers["forces"]
+    figure = Figure(figsize=(8.6, 4.4), layout="constrained")
     axes = figure.subplots()
+    handles = {}
     for place, row in enumerate(rows.values()):
         for key, value in row["nanoseconds per bond"].items():
-            kind, _, threads = key.rpartition(", ")
-            colour = COLOURS[kind or key]
-            filled = colour if threads == "1" or key == "pdjax" else "white"
-            shape = "D" if key.startswith("pdjax") else "o"
-            axes.plot([value], [-place], shape, color=colour, markerfacecolor=filled, markersize=8, label=key)
-    handles, labels = axes.get_legend_handles_labels()
-    unique = dict(zip(labels, handles, strict=True))
+            kind, _, threads = key.rpartition(", ") if key != "pdjax" else ("pdjax", "", "2")
+            name, colour = LABELS[kind]
+            label = f"{name}, {threads} thread{'s' * (threads != '1')}"
+            shape = "D" if kind.startswith("pdjax") else "o"
+            how = {"color": colour, "markerfacecolor": colour if threads == "1" else "white", "markersize": 8}
+            handles[label] = axes.plot([value], [-place], shape, label=label, **how)[0]
     axes.set_xscale("log")
-    axes.set_yticks(-np.arange(len(rows)), rows)
+    axes.set_yticks(-np.arange(len(rows)), [name.replace("PMB", "bond-based") for name in rows])
     axes.grid(axis="x", which="both", color="#dddddd", linewidth=0.6)
     axes.set_axisbelow(True)
     axes.set_xlabel("time of one force evaluation per bond  [ns]")
-    names = {key: key[:-3] + (", 1 thread" if key.endswith("1") else ", 2 threads") for key in unique if key != "pdjax"}
-    axes.legend(unique.values(), [names.get(key, key) for key in unique], frameon=False, fontsize=8, loc="center left",
-                bbox_to_anchor=(1.0, 0.5))  # fmt: skip
+    axes.legend(handles=handles.values(), frameon=False, fontsize=8, loc="center left", bbox_to_anchor=(1.0, 0.5))
     points = next(iter(rows.values()))["points"]
     axes.set_title(f"Forces of a cube of {round(points ** (1 / 3))}³ points, float64, two cores", fontsize=10)
     return figure
@@ -258,7 +258,7 @@ def main() -> None:
     rows["Silling, N = 6"] = forces("Silling", side, 6.0, turns if QUICK else 5)
     numbers = {"forces": rows, "Hessian of LPS": hessians(6 if QUICK else 9), "spectrum": spectra(6 if QUICK else 9)}
     numbers["stability map"] = maps(5, 6) if QUICK else maps(13, 14)
-    write("peers-quick" if QUICK else "peers", numbers, chart(rows))
+    write("peers-quick" if QUICK else "peers", numbers, draw(numbers))
 
 
 if __name__ == "__main__":

@@ -14,10 +14,10 @@ from matplotlib.figure import Figure
 import pdjax as pd
 from pdjax.bench.harness import write
 from pdjax.bench.statics import MOST, POINTS, bar, distance
-from pdjax.figures import COLOURS
+from pdjax.figures import SERIES
 
 jax.config.update("jax_enable_x64", True)
-METHODS = {"newton": "#000000", "newton_krylov": COLOURS["local"], "relaxation": COLOURS["diagonal"]}
+METHODS = {"newton": "Newton", "newton_krylov": "Newton–Krylov, matrix-free", "relaxation": "relaxation"}
 
 
 def look(scene, stress, **how) -> dict:
@@ -61,43 +61,54 @@ def tractions() -> list[dict]:
     return rows
 
 
+def error(row: dict) -> float:
+    """Error from the local solution. Files written before the case `statics` existed name it as `look` does."""
+    return row["error"] if "error" in row else row["error, nonlinear local"]
+
+
 def draw(numbers: dict) -> Figure:
     """Draw the error over n (left) and over time by method (right), for converged solutions only."""
     figure = Figure(figsize=(10.4, 4.4), layout="constrained")
     left, right = figure.subplots(1, 2)
-    for N, every in numbers["tension by N"].items():
+    for (N, every), colour in zip(numbers["tension by N"].items(), SERIES, strict=False):
         rows = [r for r in every if r["converged"]]
         lost = [str(r["n"]) for r in every if not r["converged"]]
         label = f"tension, N = {N}: order {order(rows):.2f}" + (f" (stalls at {', '.join(lost)})" if lost else "")
         x, y = [r["n"] for r in rows], [r["error, nonlinear local"] for r in rows]
-        left.loglog(x, y, "o-", markersize=3, label=label)
+        left.loglog(x, y, "o-", color=colour, markersize=3, label=label)
     for r in numbers["compression, N = 3"]:
         mark = {"minimum": "s", "saddle": "x"}.get(r["kind"], "d")
-        left.loglog([r["n"]], [r["error, nonlinear local"]], mark, color=COLOURS["diagonal"])
-    left.plot([], [], "s", color=COLOURS["diagonal"], label="compression, N = 3: a minimum")
-    left.plot([], [], "x", color=COLOURS["diagonal"], label="compression, N = 3: a saddle")
-    three = numbers["tension by N"][3]
-    left.loglog([r["n"] for r in three], [r["error, printed"] for r in three], "k:", label="N = 3, from printed form")
+        left.loglog([r["n"]], [r["error, nonlinear local"]], mark, color=SERIES[4])
+    left.plot([], [], "s", color=SERIES[4], label="compression, N = 3: a minimum")
+    left.plot([], [], "x", color=SERIES[4], label="compression, N = 3: a saddle")
+    three = numbers["tension by N"]["3"]
+    left.loglog(
+        [r["n"] for r in three],
+        [r["error, printed"] for r in three],
+        "k:",
+        label="tension, N = 3: error from the printed form",
+    )
     left.set_xlabel("points n  [–]")
     left.set_ylabel("error of u from the local solution  [–]")
     left.set_ylim(5e-3, 8)
     left.legend(frameon=False, fontsize=7, loc="upper right")
-    for name, rows in numbers["methods, tension, N = 3"].items():
-        x, y = [r["seconds"] for r in rows], [r["error"] for r in rows]
-        right.loglog(x, y, "o-", color=METHODS[name], markersize=3, label=name.replace("_", "–"))
+    for (name, rows), colour in zip(numbers["methods, tension, N = 3"].items(), SERIES, strict=False):
+        x, y = [r["seconds"] for r in rows], [error(r) for r in rows]
+        right.loglog(x, y, "o-", color=colour, markersize=3, label=METHODS[name])
     for r in numbers["methods, tension, N = 3"]["newton"]:
-        place = (r["seconds"], r["error"])
+        place = (r["seconds"], error(r))
         right.annotate(str(r["n"]), place, fontsize=7, xytext=(-4, -9), textcoords="offset points", ha="right")
     right.set_xlabel("time to solve without compilation  [s]")
     right.set_ylabel("error of u from the local solution  [–]")
-    right.legend(frameon=False, fontsize=8)
+    right.legend(frameon=False, fontsize=8, title="numbers: points n", title_fontsize=8)
     figure.suptitle("Singular bar, m = 1, α = 10, σ/E₀ = 10⁻³ (tension), −10⁻⁵ (compression)", fontsize=11)
     return figure
 
 
 def main() -> None:
     tension = {
-        N: [look(pd.scenes.singular_bar(n, N, 1e-3), 1e-3, smallest_step=1.0) for n in POINTS] for N in (1, 2, 3, 4)
+        str(N): [look(pd.scenes.singular_bar(n, N, 1e-3), 1e-3, smallest_step=1.0) for n in POINTS]
+        for N in (1, 2, 3, 4)
     }
     compression = [look(pd.scenes.singular_bar(n, 3, -1e-5), -1e-5, smallest_step=1.0) for n in POINTS[:-1]]
     silling = pd.Correspondence(pd.LinearElastic(1.0, 0.0))

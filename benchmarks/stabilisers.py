@@ -16,12 +16,13 @@ from matplotlib.figure import Figure
 
 import pdjax as pd
 from pdjax.bench.harness import write
+from pdjax.figures import SERIES
 from pdjax.infinite_lattice import criteria
 
 jax.config.update("jax_enable_x64", True)
 LAW = pd.LinearElastic(1.0, 1.0)
 CONTROLS = {"penalty g": pd.SillingControl, "hourglass C": pd.LittlewoodControl}
-COLOUR = {1.0: "#0072B2", 0.5: "#009E73", 0.0: "#D55E00", -1.0: "#CC79A7"}
+COLOUR = dict(zip((1.0, 0.5, 0.0, -1.0), SERIES, strict=False))  # by order m
 STATES = (0.01, 0.05, 0.1)
 
 
@@ -76,15 +77,19 @@ def draw(numbers: dict) -> Figure:
             ax.axhline(100 * numbers[f"law {dim}D"]["negative"], color="black", lw=0.9, ls=":")
             ax.set_xscale("log")
             ax.set_ylim(-90, 100)
-            ax.set_title(f"{dim}D, N = 3, {name.split()[0]}", fontsize=9)
-            ax.set_ylabel("critical hydrostatic strain [%]")
+            ax.set_title(f"{dim}D, N = 3, {name.split()[0]} control", fontsize=9)
+            ax.set_ylabel("critical hydrostatic strain  [%]")
             if row == len(dims) - 1:
-                ax.set_xlabel(f"strength {name.split()[1]} [-]")
+                ax.set_xlabel(f"strength {name.split()[1]} of the {name.split()[0]} control  [–]")
     for m, colour in COLOUR.items():
-        axes[0, 0].plot([], [], color=colour, label=f"m = {m:g}")
+        axes[0, 0].plot([], [], color=colour, label=f"m = {m:g}".replace("-", "−"))
     axes[0, 0].plot([], [], color="gray", label="compression")
     axes[0, 0].plot([], [], "--", color="gray", label="tension")
     axes[0, 0].plot([], [], ":", color="black", label="local law, m = 1, compression")
+    figure.suptitle(
+        "Seth–Hill model with a zero-energy control, λ = μ = 1 (a line at 100 %: no instability up to +100 %)",
+        fontsize=10,
+    )
     handles = axes[0, 0].get_legend_handles_labels()
     figure.legend(*handles, loc="outside lower center", ncols=7, fontsize=8, frameon=False)
     return figure

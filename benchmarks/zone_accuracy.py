@@ -68,19 +68,21 @@ def main() -> None:
                     "wrong verdicts": float(wrong),
                 }
             )
-    write("zone_accuracy", {"states": STATES, "rows": rows}, draw(rows))
+    numbers = {"states": STATES, "rows": rows}
+    write("zone_accuracy", numbers, draw(numbers))
 
 
-def draw(rows: list[dict]) -> Figure:
+def draw(numbers: dict) -> Figure:
     """Draw worst and median error over time. Resolutions below 24 lie too close together to be labelled."""
     figure = Figure(figsize=(6.4, 4.4), layout="constrained")
     axes = figure.subplots()
+    labels = {"grid": "best grid point", "refined": "with local refinement"}
     for name, colour, place in (("grid", SERIES[2], (0, 6)), ("refined", SERIES[0], (0, -11))):
-        mine = [r for r in rows if r["search"] == name]
+        mine = [r for r in numbers["rows"] if r["search"] == name]
         for key, style in (("worst relative error", "o-"), ("median relative error", "o:")):
             x = [r["microseconds per state"] for r in mine]
             y = [max(r[key], 1e-16) for r in mine]
-            axes.loglog(x, y, style, color=colour, label=f"{name}, {key.split()[0]}", markersize=4)
+            axes.loglog(x, y, style, color=colour, label=f"{labels[name]}: {key.split()[0]} error", markersize=4)
             if key.startswith("worst"):
                 for r, px, py in zip(mine, x, y, strict=True):
                     if r["intervals"] < 24:
@@ -91,7 +93,10 @@ def draw(rows: list[dict]) -> Figure:
     axes.xaxis.set_minor_formatter(NullFormatter())
     axes.set_xlabel("time for one state (m, a)  [µs], fastest of nine runs")
     axes.set_ylabel("relative error of the margin  [–]")
-    axes.set_title("Searching the zone: 4 to 64 grid intervals from 0 to π/h (numbers; 24 is the default)", fontsize=10)
+    axes.set_title(
+        "Search over the Brillouin zone, 2D, N = 3\nnumbers: grid intervals from 0 to π/h (24 is the default)",
+        fontsize=10,
+    )
     axes.legend(fontsize=8, frameon=False)
     return figure
 

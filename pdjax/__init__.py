@@ -3,20 +3,33 @@
 Write a material model once, for one family of bonds. pdjax gives its forces, its exact Jacobian, its spectrum and its
 critical loads, the equilibria and motions of whole bodies, and the derivatives of all of them.
 
-    points and families   lattice, bar, plate, cuboid, cloud, lattice_family, families, neighbour_report, cut
-    models and laws       SethHill, Correspondence, BondBased, LPS, ..., LinearElastic, NeoHookean, EnergyLaw
-    forces and fields     force_density, force_operator, force_state, strain, stress, von_mises, dilatation
-    exact Jacobian        jvp, jacobian, center_block, symbol
-    infinite lattice      stability, critical_load, stability_map, dispersion, model_atlas, cell_stability
-    conditions            prescribe, body_force, total_force, homogeneous_traction, scene, motion, scenes
-    finite body           solve, equilibrium_path, simulate, body_stability, body_critical_load, critical_time_step
-    figures and files     figures, export, StabilityMap.save
-    settings              use_compilation_cache, advise
+    pdjax.geometry           points of a body, families of bonds, influence functions, cuts
+        lattice, bar, plate, cuboid, cloud, lattice_family, families, neighbour_report, cut
+    pdjax.models             material models, material laws, strains and shape tensors
+        SethHill, Correspondence, BondBased, LPS, BondLevel, ReproducingKernel, BondAssociated, SillingControl
+        LinearElastic, NeoHookean, EnergyLaw, graded, linearised, CATALOGUE
+    pdjax.force              forces, energies, strains and stresses of a body or of one family
+        force_density, force_operator, force_state, strain_energy, strain, stress, cauchy_stress, von_mises
+    pdjax.tangent            the exact Jacobian of the forces of a body
+        jacobian, jvp
+    pdjax.infinite_lattice   stability and waves of an infinite lattice, from one family
+        stability, critical_load, stability_map, model_atlas, symbol, center_block, dispersion, cell_stability
+        hydrostatic, uniaxial_strain, uniaxial_stress, simple_shear
+    pdjax.finite_body        supports and loads, stability, statics and dynamics of a body
+        prescribe, body_force, total_force, homogeneous_traction, scene, solve, equilibrium_path
+        body_stability, body_spectrum, body_critical_load, motion, simulate, critical_time_step, observers
+    pdjax.scenes             problems that are ready to solve, some with a closed form
+    pdjax.figures            matplotlib figures of results
+    pdjax.files              files for other programs: pdjax.export
+    pdjax.studies            the paper of Behzadinasab & Foster: figures, claims, formulas: pdjax.closed_forms
+    pdjax.bench              measurements of speed, and advice on methods: pdjax.advise
 
-`help(pdjax.NAME)` explains one of them. The dtype of the results follows the inputs. The signs of eigenvalues decide
-verdicts, so enable float64 first: `jax.config.update("jax_enable_x64", True)`. pdjax changes no setting of JAX unless
-`use_compilation_cache` is called; where jaxlib 0.10 is installed it sets one flag of XLA (see `pdjax._internal.xla`),
-so import pdjax before the first computation.
+The indented names belong to pdjax itself, such as `pdjax.stability`. `help(pdjax.stability)` explains it.
+
+The dtype of the results follows the inputs. The signs of eigenvalues decide verdicts, so enable float64 first:
+`jax.config.update("jax_enable_x64", True)`. pdjax changes no setting of JAX unless `use_compilation_cache` is called.
+Where jaxlib 0.10 is installed, pdjax sets one flag of XLA (see `pdjax._internal.xla`). Therefore import pdjax before
+the first computation.
 """
 
 import importlib as _importlib

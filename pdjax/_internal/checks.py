@@ -12,15 +12,23 @@ import os
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import Any, BinaryIO
+from types import ModuleType
+from typing import Any, BinaryIO, ParamSpec, TypeVar
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.typing import ArrayLike, DTypeLike
+
+Tree = TypeVar("Tree")
+Parameters = ParamSpec("Parameters")
+Result = TypeVar("Result")
+Numbers = jax.Array | np.ndarray  # an array of the kind that `namespace` tells
+Same = TypeVar("Same", bound=Numbers)  # a result of the kind of the argument
 
 
-def is_concrete(*trees: Any) -> bool:
+def is_concrete(*trees: object) -> bool:
     """True if no leaf of the trees is a tracer, so that all values can be read now."""
     return not any(isinstance(leaf, jax.core.Tracer) for leaf in jax.tree.leaves(trees))
 
@@ -30,7 +38,7 @@ def inside_jit() -> bool:
     return isinstance(jax.device_put(np.float32(0)), jax.core.Tracer)
 
 
-def computed(program: Any, *arguments: Any) -> Any:
+def computed(program: Callable, *arguments: object) -> Any:
     """The results of a jitted program for concrete arguments, as NumPy arrays.
 
     It also works while another function is traced.
@@ -39,7 +47,7 @@ def computed(program: Any, *arguments: Any) -> Any:
         return jax.device_get(program(*arguments))
 
 
-def computed_in_double(program: Any, *arguments: Any) -> Any:
+def computed_in_double(program: Callable, *arguments: object) -> Any:
     """`computed` in float64, also where JAX is set to 32 bits.
 
     Computations on the host that decide a verdict use it. In float32 a stiffness divided by the fourth power of a
@@ -49,7 +57,7 @@ def computed_in_double(program: Any, *arguments: Any) -> Any:
         return computed(program, *_double(arguments))
 
 
-def _double(tree: Any) -> Any:
+def _double(tree: Tree) -> Tree:
     """The tree with its floating-point arrays in double precision. Call it only where JAX is set to 64 bits.
 
     Arrays that have double precision already are returned unchanged.
@@ -65,17 +73,17 @@ def _double(tree: Any) -> Any:
     return jax.tree.map(wide, tree)
 
 
-def in_double(function: Callable) -> Callable:
+def in_double(function: Callable[Parameters, Result]) -> Callable[Parameters, Result]:
     """Decorate a function of the host so that it computes float32 arguments in float64 and returns float32.
 
     `computed_in_double` gives the reason. Under a JAX transformation the function runs unchanged.
     """
 
-    def is_single(leaf: Any) -> bool:
+    def is_single(leaf: object) -> bool:
         return getattr(leaf, "dtype", None) == np.float32
 
     @functools.wraps(function)
-    def run(*args: Any, **kwargs: Any) -> Any:
+    def run(*args: Parameters.args, **kwargs: Parameters.kwargs) -> Result:
         given = (args, kwargs)
         if not any(map(is_single, jax.tree.leaves(given))) or not is_concrete(given) or inside_jit():
             return function(*args, **kwargs)
@@ -88,7 +96,7 @@ def in_double(function: Callable) -> Callable:
     return run
 
 
-def _of_64_bits() -> Any:
+def _of_64_bits() -> contextlib.AbstractContextManager:
     if hasattr(jax, "enable_x64"):
         return jax.enable_x64(True)
     from jax.experimental import enable_x64  # type: ignore[attr-defined]  # its old place
@@ -96,7 +104,7 @@ def _of_64_bits() -> Any:
     return enable_x64(True)
 
 
-def namespace(*trees: Any) -> Any:
+def namespace(*trees: object) -> ModuleType:
     """NumPy if no leaf of the trees is a tracer, otherwise jax.numpy.
 
     Outside a compiled program every operation of jax.numpy compiles a separate program. NumPy compiles nothing.
@@ -104,14 +112,14 @@ def namespace(*trees: Any) -> Any:
     return np if is_concrete(*trees) else jnp
 
 
-def frozen(tree: Any) -> Any:
+def frozen(tree: Tree) -> Tree:
     """The tree with `stop_gradient` applied to its tracers. Concrete values are returned unchanged.
 
     Under `grad`, JAX 0.10 returns a traced Python number as a typed number, which `eqx.filter_jit` takes for a static
     argument. Every new value would compile a new program, so such a number becomes an array.
     """
 
-    def value(x: Any) -> Any:
+    def value(x: object) -> object:
         if not isinstance(x, jax.core.Tracer):
             return x
         y = jax.lax.stop_gradient(x)
@@ -120,7 +128,7 @@ def frozen(tree: Any) -> Any:
     return jax.tree.map(value, tree)
 
 
-def in_host_memory(*trees: Any) -> bool:
+def in_host_memory(*trees: object) -> bool:
     """True if all values are concrete and no array lies on an accelerator.
 
     The move of a body's arrays from an accelerator to the host takes longer than the compilation of a few programs.
@@ -129,14 +137,14 @@ def in_host_memory(*trees: Any) -> bool:
     return is_concrete(arrays) and all(d.platform == "cpu" for a in arrays for d in a.devices())
 
 
-def on_host(tree: Any) -> Any:
+def on_host(tree: object) -> Any:
     """The tree with concrete JAX arrays converted to NumPy arrays, and weakly typed scalars to Python numbers.
 
     A Python number does not change the dtype of an array in the same operation, and neither does a weakly typed scalar.
     Tracers are returned unchanged.
     """
 
-    def value(leaf: Any) -> Any:
+    def value(leaf: object) -> object:
         if not isinstance(leaf, jax.Array) or isinstance(leaf, jax.core.Tracer):
             return leaf
         array = np.asarray(leaf)
@@ -145,7 +153,7 @@ def on_host(tree: Any) -> Any:
     return jax.tree.map(value, tree)
 
 
-def on_device(tree: Any) -> Any:
+def on_device(tree: object) -> Any:
     """The tree with NumPy arrays and numbers converted to JAX arrays: the last step of a computation in NumPy.
 
     `jax.device_put` compiles nothing, whereas `jnp.asarray` compiles a program for each shape. The JAX arrays may share
@@ -154,7 +162,7 @@ def on_device(tree: Any) -> Any:
     return jax.tree.map(lambda leaf: leaf if isinstance(leaf, jax.Array) else jax.device_put(leaf), tree)
 
 
-def require(x: Any, ok: Any, message: str) -> Any:
+def require(x: Tree, ok: ArrayLike, message: str) -> Tree:
     """Return `x`, or raise an error with `message` if an entry of `ok` is false.
 
     A concrete `ok` raises ValueError now. A traced `ok` raises the error when the program runs.
@@ -166,14 +174,14 @@ def require(x: Any, ok: Any, message: str) -> Any:
     return eqx.error_if(x, jnp.logical_not(jnp.all(ok)), message)
 
 
-def check_positive(name: str, value: Any) -> None:
+def check_positive(name: str, value: object) -> None:
     """Raise ValueError if a constant with a concrete value is not finite and > 0."""
     if is_concrete(value):
         number = np.asarray(value)
         require(value, np.isfinite(number) & (number > 0), f"{name} must be finite and > 0; got {value}")
 
 
-def native(name: str, value: Any) -> np.ndarray:
+def native(name: str, value: object) -> np.ndarray:
     """A concrete array as a NumPy array in the byte order of the machine.
 
     Lists, pandas columns, read-only arrays, arrays in Fortran order and arrays of the other byte order (from meshio)
@@ -196,7 +204,7 @@ def native(name: str, value: Any) -> np.ndarray:
     return array if array.dtype.isnative else array.astype(array.dtype.newbyteorder("="))
 
 
-def finite(name: str, value: Any) -> np.ndarray:
+def finite(name: str, value: object) -> np.ndarray:
     """`value` as a NumPy array of floats. ValueError with its name is raised if any entry is NaN or infinite."""
     array = native(name, value).astype(float)
     bad = np.flatnonzero(~np.isfinite(array).reshape(-1))
@@ -207,7 +215,7 @@ def finite(name: str, value: Any) -> np.ndarray:
     return array
 
 
-def as_array(x: Any, dtype: Any = float, name: str = "a value") -> jax.Array:
+def as_array(x: object, dtype: DTypeLike = float, name: str = "a value") -> jax.Array:
     """`x` as a JAX array, by default of the float type that JAX is set to. A concrete value compiles nothing."""
     dtype = jax.dtypes.canonicalize_dtype(dtype)
     if not is_concrete(x):
@@ -217,7 +225,7 @@ def as_array(x: Any, dtype: Any = float, name: str = "a value") -> jax.Array:
     return jax.device_put(np.array(native(name, x), dtype))  # a copy, for a user may write to the original
 
 
-def as_real(x: Any, name: str = "a constant") -> jax.Array:
+def as_real(x: object, name: str = "a constant") -> jax.Array:
     """`x` as an array. Integers and booleans become numbers of the default float type: 1 becomes 1.0."""
     real = jnp.result_type(float)
     if isinstance(x, jax.Array) and jnp.issubdtype(x.dtype, jnp.inexact):
@@ -231,7 +239,7 @@ def as_real(x: Any, name: str = "a constant") -> jax.Array:
     return jax.device_put(np.array(array, real if array.dtype.kind in "biu" else None))
 
 
-def floats_to_arrays(module: Any) -> None:
+def floats_to_arrays(module: eqx.Module) -> None:
     """Convert the Python floats among the fields of a new module to arrays, except in static fields."""
     for field in dataclasses.fields(module):
         value = getattr(module, field.name, None)
@@ -246,7 +254,7 @@ def choice(name: str, value: Any, allowed: Sequence[str]) -> str:
     return value
 
 
-def deformation_gradient(F: Any, dim: int) -> jax.Array:
+def deformation_gradient(F: object, dim: int) -> jax.Array:
     """`F` as a (dim, dim) array. A wrong shape, an entry that is not finite or det F ≤ 0 raises an error."""
     given, F = F, as_real(F, "F")
     if F.shape != (dim, dim):
@@ -309,6 +317,6 @@ def written_whole(path: str | os.PathLike) -> Iterator[BinaryIO]:
 SIDES = {"negative": -1.0, "compression": -1.0, "positive": 1.0, "tension": 1.0}
 
 
-def sign_of(side: Any) -> float:
+def sign_of(side: object) -> float:
     """The sign of the loads of a side: −1 for "negative" or "compression", 1 for "positive" or "tension"."""
     return SIDES[choice("side", side, list(SIDES))]

@@ -6,7 +6,7 @@ again for all models that differ only in other constants. These other constants 
 """
 
 from collections.abc import Callable, Hashable
-from typing import Any
+from typing import Any, TypeVar
 
 import equinox as eqx
 import jax
@@ -15,11 +15,13 @@ from jax.extend import core
 
 from .memory import remember, value_key
 
+Model = TypeVar("Model")
 
-def _read(function: Callable, shapes: list, structure: Any, rest: Any) -> tuple[bool, ...]:
+
+def _read(function: Callable, shapes: list, structure: jax.tree_util.PyTreeDef, rest: Any) -> tuple[bool, ...]:
     """For each leaf, whether the result of `function` depends on it."""
 
-    def of(leaves: list) -> Any:
+    def of(leaves: list) -> object:
         return function(eqx.combine(jax.tree.unflatten(structure, leaves), rest))
 
     made = jax.make_jaxpr(of)(shapes).jaxpr
@@ -30,7 +32,9 @@ def _read(function: Callable, shapes: list, structure: Any, rest: Any) -> tuple[
     return tuple(v in live for v in made.invars)
 
 
-def known_part(owner: Any, name: Hashable, function: Callable, model: Any) -> tuple[Hashable, Any] | None:
+def known_part(
+    owner: eqx.Module, name: Hashable, function: Callable[[Model], object], model: Model
+) -> tuple[Hashable, Model] | None:
     """A key for `remember` made of what `function(model)` depends on, and the model with concrete values.
 
     `owner` is the equinox module that keeps the result. `name` identifies the function, which is traced once for each

@@ -1,7 +1,9 @@
 """The ending of a solver or of a run: an enumeration whose members are small integers with a reason in words."""
 
 import enum
-from typing import Any
+from typing import TypeVar
+
+Member = TypeVar("Member", bound="Ending")
 
 
 class Ending(enum.IntEnum):
@@ -17,6 +19,6 @@ class Ending(enum.IntEnum):
         return member
 
     @classmethod
-    def of(cls, number: int) -> Any:
+    def of(cls: type[Member], number: int) -> Member:
         """The member with this number."""
         return next(member for member in cls if member == number)

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 
-def plain(value: Any, not_finite: Callable[[float], Any] = str) -> Any:
+def plain(value: object, not_finite: Callable[[float], object] = str) -> Any:
     """The tree of dictionaries and lists with NumPy scalars converted to Python numbers.
 
     JSON has no infinity and no NaN. `not_finite` gives the value that replaces such a number, by default its name as a

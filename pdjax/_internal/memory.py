@@ -11,7 +11,7 @@ import hashlib
 import weakref
 from collections import OrderedDict
 from collections.abc import Callable, Hashable
-from typing import Any
+from typing import TypeVar
 
 import jax
 import numpy as np
@@ -19,6 +19,8 @@ import numpy as np
 MOST = 32  # results of one object; the least recently used one is deleted first
 LARGEST = 2**30  # bytes of all arrays in the results of one object; a single larger result is kept alone
 SMALL = 64  # arrays of up to this many numbers are compared by value, larger ones by identity
+
+Result = TypeVar("Result")
 
 _MEMORIES: dict[int, tuple[weakref.ref, OrderedDict]] = {}
 
@@ -36,7 +38,7 @@ class _Same:
         return isinstance(other, _Same) and self.array is other.array
 
 
-def _memory(owner: Any) -> OrderedDict:
+def _memory(owner: object) -> OrderedDict:
     number = id(owner)
     known = _MEMORIES.get(number)
     if known is not None and known[0]() is owner:
@@ -56,7 +58,7 @@ def _bytes(memory: OrderedDict) -> int:
     return sum(arrays.values())
 
 
-def remember(owner: Any, key: Hashable, make: Callable[[], Any]) -> Any:
+def remember(owner: object, key: Hashable, make: Callable[[], Result]) -> Result:
     """`make()`, computed once for each owner (an equinox module) and key, also while another function is traced."""
     memory = _memory(owner)
     if key in memory:
@@ -70,7 +72,7 @@ def remember(owner: Any, key: Hashable, make: Callable[[], Any]) -> Any:
     return value
 
 
-def value_key(tree: Any) -> Hashable | None:
+def value_key(tree: object) -> Hashable | None:
     """A key that is equal for trees of the same structure and values. It is None if a value is traced.
 
     Small arrays and NumPy arrays are compared by value. Large JAX arrays are immutable and compared by identity.

@@ -1,8 +1,9 @@
 """The new places of modules of earlier versions. The import of an earlier module raises an error that names them."""
 
 import sys
+from collections.abc import Sequence
 from importlib.abc import MetaPathFinder
-from typing import Any
+from types import ModuleType
 
 # A part of a package that has moved with its package has no line of its own.
 MOVED = {
@@ -71,7 +72,7 @@ def hint(name: str) -> str:
 class _Finder(MetaPathFinder):
     """A finder that finds no module. For a module that has moved it raises an error that names the new place."""
 
-    def find_spec(self, fullname: str, path: Any = None, target: Any = None) -> None:
+    def find_spec(self, fullname: str, path: Sequence[str] | None = None, target: ModuleType | None = None) -> None:
         """Raise ModuleNotFoundError for a module that has moved."""
         root, _, name = fullname.partition(".")
         place = hint(name) if root == "pdjax" else ""

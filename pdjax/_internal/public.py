@@ -11,13 +11,14 @@ import types
 import typing
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, ParamSpec, TypeVar
 
 import equinox as eqx
 import jax
 import numpy as np
 
-Function = TypeVar("Function", bound=Callable[..., Any])
+Parameters = ParamSpec("Parameters")
+Result = TypeVar("Result")
 
 HOME = str(Path(__file__).parents[1])
 EARLIER = {"fam": "family", "fams": "families"}  # earlier names of arguments, still accepted
@@ -38,7 +39,7 @@ MADE = {  # how a user obtains an object of each class
 }
 
 
-def _kinds(hint: Any) -> tuple[type, ...]:
+def _kinds(hint: object) -> tuple[type, ...]:
     """The classes that an annotation allows. The result is empty if the annotation names no class."""
     if isinstance(hint, types.UnionType) or typing.get_origin(hint) is typing.Union:
         return tuple(k for part in typing.get_args(hint) for k in _kinds(part))
@@ -48,7 +49,7 @@ def _kinds(hint: Any) -> tuple[type, ...]:
     return (hint,) if isinstance(hint, type) and hint is not Any else ()
 
 
-def _misfit(name: str, value: Any, hint: Any, default: Any) -> str | None:
+def _misfit(name: str, value: Any, hint: object, default: object) -> str | None:
     """The error message for an argument of the wrong kind, or None if the argument fits."""
     if value is default:
         return None
@@ -77,7 +78,7 @@ def _misfit(name: str, value: Any, hint: Any, default: Any) -> str | None:
     return f"{name} must be numbers; got {_shown(value)}" if wrong else None
 
 
-def _shown(value: Any) -> str:
+def _shown(value: object) -> str:
     if isinstance(value, str | int | float | types.NoneType):
         return repr(value)[:60]
     return f"a function, {value.__name__}" if inspect.isfunction(value) else type(value).__name__
@@ -99,13 +100,13 @@ def _annotations(function: Callable) -> dict[str, Any]:
         return {name: hint for name, hint in function.__annotations__.items() if not isinstance(hint, str)}
 
 
-def public_function(function: Function) -> Function:
+def public_function(function: Callable[Parameters, Result]) -> Callable[Parameters, Result]:
     """Decorate a function: errors name an argument of the wrong kind, and earlier argument names are accepted."""
     signature = inspect.signature(function)
     renamed = {old: new for old, new in EARLIER.items() if new in signature.parameters}
 
     @functools.wraps(function)
-    def checked(*args: Any, **kwargs: Any) -> Any:
+    def checked(*args: Parameters.args, **kwargs: Parameters.kwargs) -> Result:
         for old in renamed.keys() & kwargs.keys():
             if renamed[old] not in kwargs:
                 kwargs[renamed[old]] = kwargs.pop(old)
@@ -133,4 +134,4 @@ def public_function(function: Function) -> Function:
                 )
             raise
 
-    return checked  # type: ignore[return-value]
+    return checked

@@ -5,7 +5,6 @@ Equinox prints `SethHill(m=f64[], law=LinearElastic(lam=f64[], mu=f64[]))`, whic
 """
 
 import dataclasses
-from typing import Any
 
 import equinox as eqx
 import jax
@@ -22,11 +21,11 @@ def shown(module: eqx.Module) -> str:
     return f"{type(module).__name__}({', '.join(f'{f.name}={_value(getattr(module, f.name, None))}' for f in fields)})"
 
 
-def _is_absent(field: dataclasses.Field, value: Any) -> bool:
+def _is_absent(field: dataclasses.Field, value: object) -> bool:
     return any(value is empty and field.default is empty for empty in (None, ()))
 
 
-def _value(value: Any) -> str:
+def _value(value: object) -> str:
     if isinstance(value, jax.core.Tracer):
         return f"traced{value.shape}"
     if isinstance(value, jax.Array | np.ndarray | np.generic | jax.ShapeDtypeStruct):
@@ -46,14 +45,14 @@ def _value(value: Any) -> str:
     return repr(value)
 
 
-def _is_known_number(value: Any) -> bool:
+def _is_known_number(value: jax.Array | np.ndarray | np.generic | jax.ShapeDtypeStruct) -> bool:
     """Whether the value is one number that this process can read."""
     if value.shape != () or isinstance(value, jax.ShapeDtypeStruct):
         return False
     return not isinstance(value, jax.Array) or (value.is_fully_addressable and not value.is_deleted())
 
 
-def told(module: Any) -> str:
+def told(module: object) -> str:
     """The text of `print(module)` where its values are known and single, otherwise equinox's form."""
     try:
         return str(module)

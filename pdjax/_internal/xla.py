@@ -10,12 +10,12 @@ this flag. JAX reads the flag at its first computation, so pdjax must be importe
 
 import os
 from collections.abc import Callable
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import equinox as eqx
 import jaxlib
 
-Function = TypeVar("Function", bound=Callable[..., Any])
+Function = TypeVar("Function", bound=Callable)
 
 FLAG = "--xla_cpu_enable_concurrency_optimized_scheduler"
 AFFECTED = jaxlib.__version__.startswith("0.10.")  # the version that hangs; the options below are known for it

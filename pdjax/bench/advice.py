@@ -8,7 +8,6 @@ import json
 import os
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 from .._internal.public import public_function
 from ..finite_body.dynamics.system import Motion
@@ -88,7 +87,7 @@ def _said(row: dict) -> str:
     return f"{_described(row['method'], _settings(row))}, error {row['error']:.2e}"
 
 
-def scene_name(scene: Any) -> str:
+def scene_name(scene: Motion | Scene | str) -> str:
     """Return the name under which a scene was measured. Raise ValueError with the measured names if it was not."""
     given = scene.scene if isinstance(scene, Motion) else scene
     name = given.name.replace(" ", "-") if isinstance(given, Scene) else given

@@ -23,7 +23,6 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -31,7 +30,7 @@ import numpy as np
 
 import pdjax as pd
 
-Call = Callable[[], Any]
+Call = Callable[[], object]
 
 REPEATS = 5
 
@@ -52,7 +51,7 @@ def _compressed(dim: int) -> np.ndarray:
     return 0.97 * np.eye(dim)
 
 
-def _stability(dim: int, model: pd.AbstractModel) -> Call:
+def _stability(dim: int, model: pd.AbstractModel) -> Callable[[], pd.Stability]:
     family = pd.lattice_family(dim, 3)
     return lambda: pd.stability(model, family, _compressed(dim))
 
@@ -159,9 +158,13 @@ def _seconds(call: Call) -> float:
     return time.perf_counter() - start
 
 
+def _trivial(n: int) -> Call:
+    return lambda: jax.jit(lambda x: x + x)(np.ones(n))
+
+
 def _unit() -> float:
     """Return the median seconds of a trivial program that is compiled for each of five sizes."""
-    spent = [_seconds(lambda n=n: jax.jit(lambda x: x + x)(np.ones(n))) for n in (3, 5, 7, 11, 13)]  # type: ignore[misc]
+    spent = [_seconds(_trivial(n)) for n in (3, 5, 7, 11, 13)]
     return float(np.median(spent))
 
 

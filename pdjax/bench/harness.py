@@ -22,7 +22,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import jax
 import numpy as np
@@ -30,6 +30,9 @@ import numpy as np
 from .._internal.checks import written_whole
 from .._internal.json_values import plain
 from .._internal.version import VERSION
+
+if TYPE_CHECKING:
+    import matplotlib.figure
 
 try:
     from jax import enable_x64
@@ -39,6 +42,7 @@ except ImportError:  # before jax 0.8
 ENOUGH = 0.3  # [s] of measuring: short calls are repeated until it is reached, at most MOST times
 MOST = 30
 Say = Callable[[str], None]
+Result = TypeVar("Result")
 
 
 class Task(NamedTuple):
@@ -65,7 +69,7 @@ class Case:
 
     about: str
     plan: Callable[[bool], Iterable[Task]]
-    draw: Callable[[list[dict]], Any]
+    draw: Callable[[list[dict]], "matplotlib.figure.Figure"]
     settings: dict = field(default_factory=dict)
 
 
@@ -88,13 +92,13 @@ def machine() -> dict:
     }
 
 
-def _seconds(work: Callable[[], Any]) -> tuple[float, Any]:
+def _seconds(work: Callable[[], Result]) -> tuple[float, Result]:
     start = time.perf_counter()
     result = jax.block_until_ready(work())
     return time.perf_counter() - start, result
 
 
-def timed(work: Callable[[], Any], repeats: int = 5) -> dict:
+def timed(work: Callable[[], object], repeats: int = 5) -> dict:
     """Time the first call, which compiles, and then the median, fastest and slowest of `repeats` calls [s]."""
     first, _ = _seconds(work)
     spent = [_seconds(work)[0] for _ in range(repeats)]
@@ -107,7 +111,7 @@ def summary(spent: list[float]) -> dict:
     return {"seconds": median, "fastest": low, "slowest": high, "spread": (high - low) / median, "calls": len(spent)}
 
 
-def _repeated(work: Callable[[], Any], repeats: int) -> dict:
+def _repeated(work: Callable[[], object], repeats: int) -> dict:
     """Time at least `repeats` calls, and more if they are short [s]."""
     spent = [_seconds(work)[0] for _ in range(repeats)]
     while sum(spent) < ENOUGH and len(spent) < MOST:
@@ -127,7 +131,7 @@ def counted(compiled: Any) -> dict:
     }
 
 
-def kernel(function: Callable, *arguments: Any, repeats: int = 5) -> tuple[Any, dict]:
+def kernel(function: Callable[..., Result], *arguments: object, repeats: int = 5) -> tuple[Result, dict]:
     """Return (result, row) of `function(*arguments)`, compiled as one program and called once before the timing."""
     start = time.perf_counter()
     compiled = jax.jit(function).lower(*arguments).compile()
@@ -136,7 +140,7 @@ def kernel(function: Callable, *arguments: Any, repeats: int = 5) -> tuple[Any, 
     return result, {**_repeated(lambda: compiled(*arguments), repeats), "compile_seconds": spent, **counted(compiled)}
 
 
-def hosted(work: Callable[[], Any], repeats: int = 3) -> tuple[Any, dict]:
+def hosted(work: Callable[[], Result], repeats: int = 3) -> tuple[Result, dict]:
     """Return (result, row) of code that the host drives. Its programs compile in the first call and are not counted."""
     first, result = _seconds(work)
     row = _repeated(work, repeats)
@@ -144,7 +148,7 @@ def hosted(work: Callable[[], Any], repeats: int = 3) -> tuple[Any, dict]:
     return result, {**row, "compile_seconds": max(first - row["seconds"], 0.0), **unknown}
 
 
-def with_null(value: Any) -> Any:
+def with_null(value: object) -> Any:
     """The value for a result file: null stands for NaN and infinity."""
     return plain(value, lambda _: None)
 
@@ -207,8 +211,9 @@ def run_case(name: str, case: Case, folder: Path, quick: bool, say: Say) -> dict
     record = _begun(file, case, quick)
 
     def left_out(what: str, error: Exception) -> None:
-        missing = isinstance(error, ModuleNotFoundError)
-        why = f"needs the package {error.name}: pip install {error.name}" if missing else str(error).splitlines()[0]  # type: ignore[attr-defined]
+        why = str(error).splitlines()[0]
+        if isinstance(error, ModuleNotFoundError):
+            why = f"needs the package {error.name}: pip install {error.name}"
         record["left_out"].append({"what": what, "why": why})
         say(f"{name}: {what} left out: {why}")
 
@@ -243,7 +248,7 @@ def results() -> Path:
     return Path(sys.modules["__main__"].__file__ or ".").resolve().parent / "results"
 
 
-def write(name: str, numbers: dict, figure: Any = None) -> None:
+def write(name: str, numbers: dict, figure: "matplotlib.figure.Figure | None" = None) -> None:
     """Write results/NAME.json and, for a figure, NAME.png beside a script; print the numbers as well."""
     folder = results()
     folder.mkdir(exist_ok=True)

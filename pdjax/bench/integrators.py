@@ -9,12 +9,11 @@ of 1e-13.
 
 from collections.abc import Callable, Iterator
 from functools import cache, partial
-from typing import Any
 
 import diffrax
 import numpy as np
 
-from ..finite_body.dynamics import Motion, critical_time_step, motion, simulate, simulate_diffrax
+from ..finite_body.dynamics import History, Motion, critical_time_step, motion, simulate, simulate_diffrax
 from ..models import SethHill
 from ..models.laws import LinearElastic
 from ..scenes import wave
@@ -58,37 +57,41 @@ def exact() -> np.ndarray:
         return end(simulate_diffrax(scene(PERIODS), solver=diffrax.Dopri8(), rtol=1e-13, dt=0.01, saves=1))
 
 
-def _measured(work: Callable[[Motion], object]) -> dict:
+def _measured(work: Callable[[Motion], History]) -> dict:
     """Measure `work` (motion → history), compiled as one program with the initial state as its argument."""
     moving = scene(PERIODS)
 
     def run(start, velocity):
         history = work(motion(moving.scene, start=start, velocity=velocity, duration=moving.duration))
-        return history.u[-1], history.v[-1]  # type: ignore[attr-defined]
+        return history.u[-1], history.v[-1]
 
     found, row = kernel(run, moving.start, moving.velocity, repeats=9)
     error = np.abs(np.concatenate([np.asarray(x) for x in found]) - exact()).max() / np.abs(exact()).max()
     return row | {"error": float(error)}
 
 
+def _step(moving: Motion, steps: int) -> float:
+    assert moving.duration is not None
+    return moving.duration / steps
+
+
 def verlet(steps: int) -> dict:
     """Measure `simulate` with a number of steps."""
-    return _measured(lambda m: simulate(m, dt=m.duration / steps, save_every=steps, show_progress=False))  # type: ignore[operator]
+    return _measured(lambda m: simulate(m, dt=_step(m, steps), save_every=steps, show_progress=False))
 
 
 def fixed(name: str, steps: int) -> dict:
     """Measure a diffrax solver with a number of equal steps."""
     solver = SOLVERS[name][0]()
-    how: dict[str, Any] = {"solver": solver, "max_steps": 4 * steps, "saves": 1}
-    return _measured(lambda m: simulate_diffrax(m, dt=m.duration / steps, **how))  # type: ignore[operator]
+    return _measured(lambda m: simulate_diffrax(m, dt=_step(m, steps), solver=solver, max_steps=4 * steps, saves=1))
 
 
 def adaptive(rtol: float) -> dict:
     """Measure Tsit5 with a tolerance. The first step is given, because it cannot be found inside jit."""
     moving = scene(PERIODS)
-    how: dict[str, Any] = {"rtol": rtol, "dt": 0.5 * critical_time_step(moving), "saves": 1}
-    steps = int(simulate_diffrax(moving, **how).steps)
-    return _measured(lambda m: simulate_diffrax(m, max_steps=4 * steps, **how)) | {"steps": steps}
+    run = partial(simulate_diffrax, rtol=rtol, dt=0.5 * critical_time_step(moving), saves=1)
+    steps = int(run(moving).steps)
+    return _measured(lambda m: run(m, max_steps=4 * steps)) | {"steps": steps}
 
 
 def task(name: str, steps: int, dtype: str = "float64") -> Task:

@@ -4,7 +4,7 @@
     complex step         Im f(u + i h e)/h, h = 1e-30, without cancellation
     dense jacfwd         forward differentiation of every column
     coloured JVP         forward differentiation of groups of columns that share no row
-    structured           `pdjax.jacobian`, from the two functions that define the model
+    structured           pdjax.jacobian, from the two functions that define the model
 
 The model is Silling's with λ = μ = 1 (St. Venant–Kirchhoff). Its force is a polynomial of degree 3 in u. The five-point
 difference with a step of a quarter spacing therefore has no truncation error. It is the reference: exact to rounding,

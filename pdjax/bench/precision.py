@@ -2,8 +2,8 @@
 
     map       the symbol's margin on a coarse default map (2D, N = 3), over the intervals of the zone; the error is
               the largest difference of margins from the float64 map with 64 intervals
-    statics   the singular bar by Newton (see `statics`)
-    dynamics  a travelling wave by velocity Verlet and Dopri8 (see `integrators`)
+    statics   the singular bar by Newton (see statics)
+    dynamics  a travelling wave by velocity Verlet and Dopri8 (see integrators)
 
 Every row computes everything in its own precision, starting with the points. The references are in float64.
 """

@@ -112,9 +112,9 @@ def plan(quick: bool) -> Iterator[Task]:
 
 
 BARS = {  # column of a row: (label, colour)
-    "seconds": ("first call: seconds, multiple of a trivial program's time, number of programs", "#D55E00"),
-    "cached_seconds": ("from the disk cache", "#E69F00"),
-    "second_seconds": ("later calls", "#0072B2"),
+    "seconds": ("first call: seconds, multiple of a trivial program's time, number of programs", "#CC6677"),
+    "cached_seconds": ("from the disk cache", "#999933"),
+    "second_seconds": ("later calls", "#332288"),
 }
 
 

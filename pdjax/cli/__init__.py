@@ -1,8 +1,21 @@
-"""The command line, one file for each command: `pdjax map`, `critical`, `symbol`, `atlas`, `bench`, `run`, `paper`.
+"""The command line `pdjax`, one file for each command.
 
 A command reads its arguments, calls the package, prints the results and draws figures. It computes in float64, because
 the verdicts depend on signs of eigenvalues. To add a command, write a file with the functions `add` and `run`, and add
-one line to `COMMANDS`.
+one line to `COMMANDS`. The modules, in the order in which to read them:
+
+    common      parts that the commands share: parser, arguments of a lattice, output files
+    map         pdjax map, a stability map
+    critical    pdjax critical, critical loads
+    symbol      pdjax symbol, the spectrum of one state
+    atlas       pdjax atlas, all models on all load paths
+    run         pdjax run SCENE, which takes its scenes from the next three modules
+    bars        the scenes singular-bar and step-bar of run
+    cuboid      the scene cuboid of run
+    wave        the scene wave of run
+    motions     parts that cuboid and wave share
+    paper       pdjax paper, the figures and claims of the paper
+    bench       pdjax bench, measurements of speed and accuracy
 """
 
 import argparse

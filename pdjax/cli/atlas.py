@@ -2,13 +2,12 @@
 
 import argparse
 import math
-from typing import Any
 
 from .._internal.pictures import write_picture
-from .common import Job
+from .common import Formatter, Job, Jobs
 
 
-def add(jobs: Any, formatter: Any) -> None:
+def add(jobs: Jobs, formatter: Formatter) -> None:
     """Add the command and its arguments."""
     job = jobs.add_parser(
         "atlas",

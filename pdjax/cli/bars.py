@@ -1,14 +1,17 @@
-"""`pdjax run singular-bar` and `pdjax run step-bar`: the static bars of the paper."""
+"""Scenes `singular-bar` and `step-bar` of the command `pdjax run`: the static bars of the paper.
+
+This module is not a command. `run` adds its scenes to `pdjax run singular-bar` and `pdjax run step-bar`.
+"""
 
 import argparse
-from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from .common import Job, write_out
+from .common import Job, Jobs, write_out
 
 
-def add(scenes: Any) -> None:
+def add(scenes: Jobs) -> None:
     """Add the bars to the scenes of `run`."""
     bar = argparse.ArgumentParser(add_help=False)
     bar.add_argument("--N", type=float, default=3.0, help="horizon over spacing [-] (default 3)")
@@ -82,9 +85,9 @@ def run(arguments: argparse.Namespace) -> Job:
 
     singular = arguments.scene == "singular-bar"
     picture, data = (writable(f"{arguments.out}.{ending}") for ending in ("png", "npz"))
-    cases: list[Any] = []
+    cases: list = []
     rows: list[dict] = []
-    arrays: dict[str, Any] = {}
+    arrays: dict[str, ArrayLike] = {}
     for name in arguments.model:
         model = _bar_model(name, arguments.m)
         for value in arguments.stress if singular else arguments.strain:

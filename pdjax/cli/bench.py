@@ -2,12 +2,11 @@
 
 import argparse
 from pathlib import Path
-from typing import Any
 
-from .common import Job
+from .common import Formatter, Job, Jobs
 
 
-def add(jobs: Any, formatter: Any) -> None:
+def add(jobs: Jobs, formatter: Formatter) -> None:
     """Add the command and its arguments."""
     job = jobs.add_parser(
         "bench",

@@ -4,7 +4,7 @@ import argparse
 import math
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -12,8 +12,15 @@ from .._internal.checks import written_whole
 from .._internal.pictures import write_picture
 from ..geometry.influence import INFLUENCES
 from ..infinite_lattice.paths import PATHS
+from ..models.laws import Law
+
+if TYPE_CHECKING:
+    import matplotlib.figure
 
 Job = tuple[dict, Callable[[], str] | None]  # the results, and a function that writes the files and returns a message
+
+Jobs = argparse._SubParsersAction  # what `add_subparsers` returns
+Formatter = type[argparse.HelpFormatter]
 
 
 class Parser(argparse.ArgumentParser):
@@ -49,7 +56,7 @@ def lattice_arguments() -> Parser:
     return common
 
 
-def setting(arguments) -> tuple[Any, Any, Any]:
+def setting(arguments: argparse.Namespace) -> tuple[Law, Callable, Callable]:
     """Return the law, the load path and the influence function that the arguments name."""
     import pdjax as pd
 
@@ -98,7 +105,7 @@ def critical_rows(orders, names, law, path, influence, arguments) -> list[dict]:
     ]
 
 
-def write_out(draw: Callable[[], Any], picture: Path, arrays: dict[str, Any], data: Path) -> str:
+def write_out(draw: Callable[[], "matplotlib.figure.Figure"], picture: Path, arrays: dict[str, Any], data: Path) -> str:
     """Write the arrays and then the figure, and return a message. Each file is written completely or not at all."""
     with written_whole(data) as stream:
         np.savez(stream, **arrays)

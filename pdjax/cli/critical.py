@@ -1,12 +1,11 @@
 """`pdjax critical`: critical loads by every criterion."""
 
 import argparse
-from typing import Any
 
-from .common import Job, critical_rows, critical_table, lattice_arguments, setting
+from .common import Formatter, Job, Jobs, critical_rows, critical_table, lattice_arguments, setting
 
 
-def add(jobs: Any, formatter: Any) -> None:
+def add(jobs: Jobs, formatter: Formatter) -> None:
     """Add the command and its arguments."""
     job = jobs.add_parser(
         "critical",

@@ -1,17 +1,20 @@
-"""`pdjax run cuboid`: the paper's cuboid, pulled and pushed at its ends."""
+"""Scene `cuboid` of the command `pdjax run`: the paper's cuboid, pulled and pushed at its ends.
+
+This module is not a command. `run` adds its scene to `pdjax run cuboid`.
+"""
 
 import argparse
 from pathlib import Path
-from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from .common import Job, write_out
+from .common import Job, Jobs, write_out
 from .motions import check_outputs, extras, moving_arguments, write_extras
 from .motions import model as named_model
 
 
-def add(scenes: Any) -> None:
+def add(scenes: Jobs) -> None:
     """Add `cuboid` to the scenes of `run`."""
     job = scenes.add_parser(
         "cuboid", parents=[moving_arguments()], help="3D body pulled or pushed at its ends, with explicit dynamics"
@@ -45,10 +48,10 @@ def run(arguments: argparse.Namespace) -> Job:
     picture, data = check_outputs(arguments)
     model = named_model(arguments, 3)
     modulus = arguments.mu * (3 * arguments.lam + 2 * arguments.mu) / (arguments.lam + arguments.mu)
-    runs: dict[str, dict[str, Any]] = {}
+    runs: dict[str, dict[str, np.ndarray]] = {}
     rows: list[dict] = []
-    arrays: dict[str, Any] = {}
-    field: dict[str, Any] | None = None
+    arrays: dict[str, ArrayLike] = {}
+    field: dict[str, object] | None = None
     films: list[tuple] = []
     for strain in arguments.strain:
         motion = pd.scenes.cuboid(arguments.shape, arguments.N, strain, arguments.rate, model)

@@ -3,13 +3,12 @@
 import argparse
 import sys
 import time
-from typing import Any
 
 import numpy as np
 
 from .._internal.checks import writable
 from .._internal.pictures import write_picture
-from .common import Job, critical_rows, critical_table, lattice_arguments, setting
+from .common import Formatter, Job, Jobs, critical_rows, critical_table, lattice_arguments, setting
 
 FIRST = 1024  # a map of at least 16 times this number of states starts with a coarse preview
 
@@ -26,7 +25,7 @@ def number_range(text: str) -> np.ndarray:
     return values
 
 
-def add(jobs: Any, formatter: Any) -> None:
+def add(jobs: Jobs, formatter: Formatter) -> None:
     """Add the command and its arguments."""
     job = jobs.add_parser(
         "map",

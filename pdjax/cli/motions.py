@@ -1,9 +1,10 @@
-"""Parts that the moving scenes share: arguments, model, animations and files for ParaView."""
+"""Parts that the scenes `cuboid` and `wave` of `pdjax run` share: arguments, model, animations, files for ParaView."""
 
 import argparse
 import shutil
 from pathlib import Path
-from typing import Any
+
+from ..models.base import AbstractModel
 
 
 def moving_arguments() -> argparse.ArgumentParser:
@@ -25,7 +26,7 @@ def moving_arguments() -> argparse.ArgumentParser:
     return common
 
 
-def model(arguments: argparse.Namespace, dim: int) -> Any:
+def model(arguments: argparse.Namespace, dim: int) -> AbstractModel:
     """Return the material model that the arguments name."""
     import pdjax as pd
     from pdjax._internal.checks import choice

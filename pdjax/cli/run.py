@@ -1,15 +1,14 @@
 """`pdjax run SCENE`: solve or simulate a scene, judge the result and draw it."""
 
 import argparse
-from typing import Any
 
 from . import bars, cuboid, wave
-from .common import Job
+from .common import Formatter, Job, Jobs
 
 SCENES = {"singular-bar": bars, "step-bar": bars, "cuboid": cuboid, "wave": wave}
 
 
-def add(jobs: Any, formatter: Any) -> None:
+def add(jobs: Jobs, formatter: Formatter) -> None:
     """Add the command and its scenes."""
     parser = jobs.add_parser(
         "run",

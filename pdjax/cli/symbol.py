@@ -2,13 +2,12 @@
 
 import argparse
 import itertools
-from typing import Any
 
 import numpy as np
 
 from .._internal.checks import writable
 from .._internal.pictures import write_picture
-from .common import Job, lattice_arguments, setting
+from .common import Formatter, Job, Jobs, lattice_arguments, setting
 
 _CORNERS: dict[int, list[tuple[str, tuple[int, ...]]]] = {
     1: [("Γ", (0,)), ("X", (1,))],
@@ -17,7 +16,7 @@ _CORNERS: dict[int, list[tuple[str, tuple[int, ...]]]] = {
 }
 
 
-def add(jobs: Any, formatter: Any) -> None:
+def add(jobs: Jobs, formatter: Formatter) -> None:
     """Add the command and its arguments."""
     job = jobs.add_parser(
         "symbol",

@@ -1,16 +1,19 @@
-"""`pdjax run wave`: a plane wave on a periodic lattice, compared with the symbol."""
+"""Scene `wave` of the command `pdjax run`: a plane wave on a periodic lattice, compared with the symbol.
+
+This module is not a command. `run` adds its scene to `pdjax run wave`.
+"""
 
 import argparse
-from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from .common import Job, write_out
+from .common import Job, Jobs, write_out
 from .motions import check_outputs, extras, moving_arguments, write_extras
 from .motions import model as named_model
 
 
-def add(scenes: Any) -> None:
+def add(scenes: Jobs) -> None:
     """Add `wave` to the scenes of `run`."""
     job = scenes.add_parser(
         "wave", parents=[moving_arguments()], help="plane wave on a periodic lattice: its frequency or growth rate"
@@ -74,7 +77,7 @@ def run(arguments: argparse.Namespace) -> Job:
     kind = "zero-energy mode" if zero_energy else "growing mode" if growth else "wave"
     waves = ", ".join(f"{x:.4g}" for x in k / np.pi)
     title = f"{kind} k = ({waves}) π/h, {dim}D, m = {arguments.m:g}, a = {arguments.a:g}, u₀ = {arguments.u0:g} h"
-    arrays: dict[str, Any] = {
+    arrays: dict[str, ArrayLike] = {
         "times": history.times,
         "amplitude": size,
         "u": history.u,

@@ -5,7 +5,7 @@ horizons, models and measured quantities have colours of SERIES (the muted set o
 """
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import matplotlib.patches
 import numpy as np

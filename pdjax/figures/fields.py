@@ -10,6 +10,7 @@ from typing import Any
 
 import matplotlib
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
@@ -53,7 +54,7 @@ def _component(values: np.ndarray, component: Any, dim: int) -> tuple[np.ndarray
     return values[(slice(None), *chosen)], name
 
 
-def _checked(points: Points, values: Any, u: Any) -> tuple[np.ndarray, np.ndarray]:
+def _checked(points: Points, values: object, u: object) -> tuple[np.ndarray, np.ndarray]:
     """The values as floats, and the positions at which the points are drawn (points, dim)."""
     values, X = np.asarray(values), points.positions
     count, dim = X.shape
@@ -265,7 +266,7 @@ def _thinned(X: np.ndarray, cell: float, side: float) -> np.ndarray:
     return np.sort(order[first])
 
 
-def _arrows(axes: Any, X: np.ndarray, vectors: np.ndarray, cell: float, side: float, lift: float, colour: str) -> None:
+def _arrows(axes: Axes, X: np.ndarray, vectors: np.ndarray, cell: float, side: float, lift: float, colour: str) -> None:
     """Arrows at the points with a vector, one in every cube of side `cell`; the longest nearly fills its cube."""
     size = np.linalg.norm(vectors, axis=1)
     some = np.flatnonzero(size > ROUNDING * size.max())
@@ -395,8 +396,9 @@ def scene(scene: Scene, title: str = "") -> Figure:
         for axis, part in zip((axes.xaxis, axes.yaxis, axes.zaxis), (high - low) / (high - low).max(), strict=True):
             axis.set_major_locator(MaxNLocator(max(2, round(5 * part))))  # the labels of a short side would overlap
             axis.labelpad = 12 * part
-    place: Any = "lower center" if dim == 3 else "outside lower center"
-    figure.legend(handles=handles, loc=place, ncols=2, fontsize=9, frameon=False)
+    figure.legend(
+        handles=handles, loc="lower center" if dim == 3 else "outside lower center", ncols=2, fontsize=9, frameon=False
+    )
     words = (title or scene.name, _words(scene))
     axes.set_title("\n".join(word for word in words if word), fontsize=10)
     return figure

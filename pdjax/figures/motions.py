@@ -5,11 +5,12 @@ import shutil
 import subprocess
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, NotRequired, TypedDict
 
 import numpy as np
 from matplotlib.animation import FFMpegWriter, FuncAnimation, PillowWriter
 from matplotlib.figure import Figure, SubFigure
+from numpy.typing import ArrayLike
 
 from .._internal.checks import moved_whole
 from ..finite_body.dynamics.history import History
@@ -110,7 +111,24 @@ def dispersion_curves(
     return figure
 
 
-def cuboid(runs: dict[str, dict[str, Any]], title: str, field: dict[str, Any] | None = None) -> Figure:
+class CuboidRun(TypedDict):
+    """Strains and forces of one run, as `cuboid` draws them."""
+
+    strain: ArrayLike
+    force: ArrayLike
+    style: NotRequired[str]
+
+
+class CuboidField(TypedDict):
+    """Displacements of one run, as `cuboid` draws them."""
+
+    u: ArrayLike
+    shape: tuple[int, int, int]
+    spacing: float
+    name: str
+
+
+def cuboid(runs: dict[str, CuboidRun], title: str, field: CuboidField | None = None) -> Figure:
     """Draw force against strain of several runs of the cuboid, and the displacements of one run on its middle plane.
 
     Parameters
@@ -136,11 +154,8 @@ def cuboid(runs: dict[str, dict[str, Any]], title: str, field: dict[str, Any] | 
     'strain of the ends  [%]'
     """
     figure = Figure(figsize=(8.6, 8.4 if field else 4.6), layout="constrained")
-    upper: Any
-    lower: Any
     if field:
-        parts: Any = figure.subfigures(2, 1, height_ratios=(1.15, 1))
-        upper, lower = parts
+        upper, lower = figure.subfigures(2, 1, squeeze=False, height_ratios=(1.15, 1))[:, 0]
     else:
         upper, lower = figure, None
     axes = upper.subplots()

@@ -9,7 +9,7 @@ meshio writes the files: `pip install meshio`.
 import json
 import os
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -56,7 +56,7 @@ def _own_fields(body: Body) -> dict[str, np.ndarray]:
     return fields
 
 
-def _states(result: Any) -> _States:
+def _states(result: object) -> _States:
     if result is None:
         return _States({}, None)
     if isinstance(result, Equilibrium):

@@ -6,8 +6,8 @@ Each function here returns a small record, and `pdjax.scene` reads these records
 A nonlocal body has no surface on which a traction could act. A traction is therefore a body force b over a boundary
 layer of points. There are two versions:
 
-    total     b_i = f / Σ_layer V          the force f [force], spread evenly over the layer (`total_force`)
-    exact     b_i = −f_i(F)                minus the internal force of the layer under x = F X (`homogeneous_traction`)
+    total     b_i = f / Σ_layer V          the force f [force], spread evenly over the layer (total_force)
+    exact     b_i = −f_i(F)                minus the internal force of the layer under x = F X (homogeneous_traction)
 
 With the exact version the homogeneous state F is an exact equilibrium, if the layer is two horizons deep. (The force on
 a point depends on its neighbours and on the neighbours of these, so a surface acts over two horizons.) The sum of V b
@@ -18,9 +18,10 @@ disturbs the strain near the layer.
 The idea of boundary layers is that of Silling & Askari 2005.
 """
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+from jaxtyping import Array
 
 from .._internal.checks import as_array, native
 from .._internal.public import public_function
@@ -32,7 +33,7 @@ class Prescribed(NamedTuple):
 
     points: np.ndarray
     mask: int | None
-    u: Any
+    u: Array
     components: tuple[int, ...] | None
 
 
@@ -41,7 +42,7 @@ class BodyForce(NamedTuple):
 
     points: np.ndarray
     mask: int | None
-    b: Any
+    b: Array
 
 
 class TotalForce(NamedTuple):
@@ -49,7 +50,7 @@ class TotalForce(NamedTuple):
 
     points: np.ndarray
     mask: int | None
-    force: Any
+    force: Array
 
 
 class HomogeneousTraction(NamedTuple):
@@ -57,8 +58,8 @@ class HomogeneousTraction(NamedTuple):
 
     points: np.ndarray
     mask: int | None
-    F: Any
-    model: Any
+    F: Array
+    model: AbstractModel | None
 
 
 Condition = Prescribed | BodyForce | TotalForce | HomogeneousTraction

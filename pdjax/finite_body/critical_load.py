@@ -20,7 +20,7 @@ deformation.
 """
 
 from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING
 
 import equinox as eqx
 import jax
@@ -29,13 +29,14 @@ import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Array
 
-from .._internal.checks import in_double
+from .._internal.checks import Numbers, in_double
 from .._internal.public import public_function
 from .._internal.shown import told
 from .factorisation import Factor, Singular, as_operator, count_positive, matrix, product_rate, unknown_volumes
 from .scene import Scene, frozen
 from .spectrum import (
     closed_form,
+    eigenpairs,
     full_displacement,
     nearest,
     need_energy,
@@ -44,6 +45,9 @@ from .spectrum import (
     shifted,
     zero_tolerance,
 )
+
+if TYPE_CHECKING:
+    import scipy.sparse.linalg
 
 PROOF = 1e-6  # relative distance from λ of the two matrix factorisations that prove the crossing
 MOST = 60  # matrix factorisations after which the search stops
@@ -89,14 +93,14 @@ class BodyCritical(eqx.Module):
         return f"critical load factor {self.factor:.9g}, {proof}, {self.factorisations} factorisations"
 
 
-def _near_zero(A: Any, factor: Factor, start: np.ndarray | None) -> tuple[float, np.ndarray]:
+def _near_zero(A: sp.csc_array, factor: Factor, start: np.ndarray | None) -> tuple[float, np.ndarray]:
     """The eigenpair of A nearest to zero."""
     values, vectors = nearest(A, factor, 0.0, 1, start)
     return float(values[0]), vectors[:, 0]
 
 
 @eqx.filter_jit
-def _rate(path: Callable[[Any], Any], factor) -> tuple[Array, Array]:
+def _rate(path: Callable[[Array], Array], factor) -> tuple[Array, Array]:
     """u and du/dλ of a path at a load factor."""
     return jax.jvp(path, (factor,), (jnp.ones_like(factor),))
 
@@ -104,12 +108,12 @@ def _rate(path: Callable[[Any], Any], factor) -> tuple[Array, Array]:
 class _Loading:
     """H along a path of displacements, with a record of its numbers of positive eigenvalues."""
 
-    def __init__(self, scene: Scene, along: Callable[[float], tuple[Any, Any]]):
+    def __init__(self, scene: Scene, along: Callable[[float], tuple[Numbers, Numbers]]):
         self.scene, self.along, self.root = scene, along, np.sqrt(unknown_volumes(scene))
         self.seen: list[tuple[float, int]] = []
         self.shift = 0.0
 
-    def state(self, factor: float) -> tuple[Any, Any]:
+    def state(self, factor: float) -> tuple[sp.csc_array, "scipy.sparse.linalg.LinearOperator"]:
         """H at a load factor and the product v ↦ H'v. H is shifted by the tolerance of the first load factor."""
         scene, root = self.scene, self.root
         u, du = self.along(factor)
@@ -119,7 +123,7 @@ class _Loading:
         rate = as_operator(lambda v: np.asarray(product_rate(scene, u, factor, du, v / root)) / root, H.shape[0])
         return shifted(H, self.shift), rate
 
-    def factorised(self, H: Any) -> Factor:
+    def factorised(self, H: sp.csc_array) -> Factor:
         """A matrix factorisation of H."""
         try:
             return Factor(H)
@@ -141,7 +145,7 @@ class _Loading:
 @in_double
 def body_critical_load(
     scene: Scene,
-    path: Callable[[Any], Any] | None = None,
+    path: Callable[[Array], Array] | None = None,
     limit: float = 1.0,
 ) -> BodyCritical:
     """Find the first load factor in (0, limit] at which a body becomes unstable.
@@ -185,7 +189,7 @@ def body_critical_load(
     if not limit > 0:
         raise ValueError(f"limit must be > 0; got {limit}")
 
-    def along(factor: float) -> tuple[Any, Any]:
+    def along(factor: float) -> tuple[Numbers, Numbers]:
         if path is None:
             return (factor * form).astype(form.dtype), form
         return _rate(path, np.asarray(factor, jnp.result_type(float)))
@@ -202,18 +206,15 @@ def body_critical_load(
     return _search(loading, first, vector[:, 0], limit)
 
 
-def _strongest(rate: Any, H: sp.csc_array, lu: Factor) -> tuple[np.ndarray, np.ndarray]:
+def _strongest(
+    rate: "scipy.sparse.linalg.LinearOperator", H: sp.csc_array, lu: Factor
+) -> tuple[np.ndarray, np.ndarray]:
     """The largest λ of Ḣ v = −λ H v, and its v, of a stable H: 1/λ is the first estimate of the critical factor."""
-    size = H.shape[0]
-    if size < 3:  # ARPACK needs more unknowns than eigenvalues
-        import scipy.linalg
-
-        values, vectors = scipy.linalg.eigh(rate @ np.eye(size), -H.toarray())
-        return values[-1:], vectors[:, -1:]
     import scipy.sparse.linalg as sla
 
     inverse = sla.LinearOperator(H.shape, matvec=lambda v: -lu.solve(v), dtype=float)
-    return sla.eigsh(rate, k=1, M=-H, Minv=inverse, which="LA", tol=1e-6)
+    values, vectors = eigenpairs(rate, 1, M=-H, Minv=inverse, which="LA", tol=1e-6)
+    return values[-1:], vectors[:, -1:]
 
 
 def _search(loading: _Loading, factor: float, w: np.ndarray, limit: float) -> BodyCritical:

@@ -17,7 +17,8 @@ factorisation gives the inertia of a definite S_k, and a Bunch–Kaufman factori
 """
 
 import functools
-from typing import Any
+from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 import equinox as eqx
 import jax
@@ -26,10 +27,13 @@ import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Array, Float
 
-from .._internal.checks import is_concrete, namespace
+from .._internal.checks import Numbers, Result, is_concrete, namespace
 from ..force.fields import force_states, plain_exchange
 from ..tangent.jacobian import jacobian
 from .scene import Scene
+
+if TYPE_CHECKING:
+    import scipy.sparse.linalg
 
 BACKWARD = 1e-9  # measured: below 1e-12 for 10⁵ unknowns in 2D, both at rest and where A is indefinite
 
@@ -39,7 +43,7 @@ def residual_of(scene: Scene, q: Float[Array, " unknowns"], factor) -> Float[Arr
     return scene.unbalanced(scene.displacement(q, factor), factor).reshape(-1)[scene.unknowns]
 
 
-def _kernel(function: Any) -> Any:
+def _kernel(function: Callable[..., Result]) -> Callable[..., Result]:
     """The function, jitted. Its third argument, the load factor, becomes an array, so a new load does not recompile."""
     jitted = eqx.filter_jit(function)
 
@@ -73,7 +77,7 @@ def residual_and_scale(scene: Scene, q, factor) -> tuple[Array, Array]:
     return r, jnp.maximum(scale, jnp.sqrt(jnp.mean(pull**2)))
 
 
-def relative(size, scale) -> Any:
+def relative(size, scale) -> Numbers:
     """The size of a residual divided by its scale.
 
     It is 0 if both are 0, and infinite if only the scale is 0, so that such a state does not count as converged. It is
@@ -230,7 +234,7 @@ def count_positive(A: sp.csc_array) -> int:
     return Factor(A).positive if A.shape[0] <= 40_000 else count_by_blocks(A)
 
 
-def as_operator(apply: Any, size: int) -> Any:
+def as_operator(apply: Callable[[np.ndarray], Numbers], size: int) -> "scipy.sparse.linalg.LinearOperator":
     """The jitted function v ↦ A v as a SciPy linear operator."""
     import scipy.sparse.linalg as sla
 

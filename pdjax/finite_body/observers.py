@@ -11,7 +11,7 @@ The forces between two points on the same side cancel in this sum, so only force
 definition suits a nonlocal body: it needs neither an area nor a stress field. In tension along e, F points along +e.
 """
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -62,7 +62,7 @@ def _check_points(points: np.ndarray, mask: int | None, scene: Scene) -> None:
         check_points("an observer", points, mask, scene.prescribed.shape[0])
 
 
-def check_observers(scene: Scene, observers: dict[str, Any]) -> None:
+def check_observers(scene: Scene, observers: object) -> None:
     """Check that observers are functions and that the points they name belong to the body.
 
     Without this check JAX would silently read another point for a point number outside the body.

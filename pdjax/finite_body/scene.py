@@ -18,7 +18,6 @@ the body, that is, in every set of points that no bond joins to the other points
 """
 
 from collections.abc import Sequence
-from typing import Any
 
 import equinox as eqx
 import jax
@@ -27,7 +26,7 @@ import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Array, Bool, Float, Int
 
-from .._internal.checks import as_array, deformation_gradient, is_concrete, namespace, on_device, on_host
+from .._internal.checks import Numbers, Tree, as_array, deformation_gradient, is_concrete, namespace, on_device, on_host
 from .._internal.public import public_function
 from ..force.fields import check_model
 from ..force.operator import ForceOperator, force_density, force_operator
@@ -172,7 +171,7 @@ class Scene(eqx.Module):
         operator = force_operator(self.model, self.families, mean=self.mean is not None)
         return eqx.tree_at(lambda s: s.operator, self, operator, is_leaf=lambda x: x is None)
 
-    def unbalanced(self, u: Any, factor=1.0) -> Float[Array, "points dim"]:
+    def unbalanced(self, u: Float[Numbers, "points dim"], factor=1.0) -> Float[Array, "points dim"]:
         """Unbalanced force V (f + λ b) on every point.
 
         On a free component it is zero in equilibrium. On a held component it is minus the reaction of the support.
@@ -202,7 +201,7 @@ class Scene(eqx.Module):
         return self.families.volumes[:, None] * (f + factor * self.load)
 
 
-def _spread(value: Any, shape: tuple[int, int], name: str) -> Any:
+def _spread(value: Numbers, shape: tuple[int, int], name: str) -> Numbers:
     """Broadcast `value` to every named point and component; the result is a NumPy array if `value` is concrete."""
     try:
         return namespace(value).broadcast_to(value, shape)
@@ -214,7 +213,7 @@ def _check_points(condition: Condition, points: int) -> np.ndarray:
     return check_points(type(condition).__name__, condition.points, condition.mask, points)
 
 
-def _put(array: Any, index: tuple[np.ndarray, ...], new: Any, add: bool = False) -> Any:
+def _put(array: Numbers, index: tuple[np.ndarray, ...], new: Numbers, add: bool = False) -> Numbers:
     """The array with `new` set at the index or added to it; concrete arrays are changed in place."""
     if namespace(array, new) is np:
         array[index] = new + array[index] if add else new
@@ -223,13 +222,13 @@ def _put(array: Any, index: tuple[np.ndarray, ...], new: Any, add: bool = False)
     return array.at[index].add(new) if add else array.at[index].set(new)
 
 
-def _prescribe(conditions: Sequence[Condition], shape: tuple[int, int], eps: float) -> tuple[np.ndarray, Any]:
+def _prescribe(conditions: Sequence[Condition], shape: tuple[int, int], eps: float) -> tuple[np.ndarray, Numbers]:
     """Which components are held, (points, dim), and their values.
 
     Raises ValueError if two prescriptions of one component differ by more than eps, relative to the larger value.
     """
     held = np.zeros(shape, dtype=bool)
-    value: Any = np.zeros(shape, jnp.result_type(float))
+    value: Numbers = np.zeros(shape, jnp.result_type(float))
     for condition in conditions:
         if not isinstance(condition, Prescribed):
             continue
@@ -256,8 +255,8 @@ def _prescribe(conditions: Sequence[Condition], shape: tuple[int, int], eps: flo
     return held, value
 
 
-def _load(conditions: Sequence[Condition], body: Points, families: Families, model, held: np.ndarray) -> Any:
-    load: Any = np.zeros(held.shape, jnp.result_type(float))
+def _load(conditions: Sequence[Condition], body: Points, families: Families, model, held: np.ndarray) -> Numbers:
+    load: Numbers = np.zeros(held.shape, jnp.result_type(float))
     for condition in conditions:
         if isinstance(condition, Prescribed):
             continue
@@ -361,8 +360,9 @@ def _check_held(body: Points, families: Families, held: np.ndarray) -> None:
             )
 
 
-def _check_conditions(conditions: Sequence[Any]) -> None:
-    """Raise ValueError for an argument that is not a condition."""
+def _checked_conditions(conditions: Sequence[object]) -> list[Condition]:
+    """The conditions, or ValueError for an argument that is not a condition."""
+    checked = []
     for condition in conditions:
         if isinstance(condition, list | tuple) and not isinstance(condition, Condition):
             raise ValueError(
@@ -371,6 +371,8 @@ def _check_conditions(conditions: Sequence[Any]) -> None:
             )
         if not isinstance(condition, Condition):
             raise ValueError(f"conditions must come from prescribe, body_force, total_force …; got {condition!r:.80}")
+        checked.append(condition)
+    return checked
 
 
 @public_function
@@ -378,7 +380,7 @@ def scene(
     body: Points,
     families: Families,
     model: AbstractModel,
-    *conditions: Any,
+    *conditions: object,
     mean=None,
     closed_form=None,
     moving: bool = False,
@@ -428,7 +430,7 @@ def scene(
     """
     check_body("body", body)
     check_model(model, families, Families)  # raises for families that the model cannot use
-    _check_conditions(conditions)
+    checked = _checked_conditions(conditions)
     if len(families) != len(body) or families.dim != body.dim:
         raise ValueError(
             f"families must be families of this body of {len(body)} points in {body.dim}D; got those of"
@@ -439,12 +441,12 @@ def scene(
             "mean deformation is for periodic bodies only; this body is not periodic: prescribe displacements instead"
         )
     shape = (len(body), body.dim)
-    held, value = _prescribe(conditions, shape, 16 * float(jnp.finfo(families.dtype).eps))
+    held, value = _prescribe(checked, shape, 16 * float(jnp.finfo(families.dtype).eps))
     if held.all():
         raise ValueError("the body is over-constrained: every displacement is prescribed and nothing is left to solve")
     if not moving:
         _check_held(body, families, held)
-    load = _load(conditions, body, families, model, held)
+    load = _load(checked, body, families, model, held)
     real = families.dtype
     if closed_form is not None:
         closed_form = as_array(closed_form, real)
@@ -465,7 +467,7 @@ def scene(
     )
 
 
-def frozen(scene: Any) -> Any:
+def frozen(scene: Tree) -> Tree:
     """The scene as a constant, through which no derivative flows.
 
     A concrete scene is returned unchanged, so that the cached data of its families stay in use.

@@ -1,6 +1,6 @@
 """Stability of a finite body: the spectrum of its exact Jacobian, with its surfaces, supports and loads.
 
-    H = V^{-½} A V^{-½} = S V^½ J V^{-½} Sᵀ,     H w = λ w,   v = V^{-½} w     (A, S: `pdjax.finite_body.scene`)
+    H = V^{-½} A V^{-½} = S V^½ J V^{-½} Sᵀ,     H w = λ w,   v = V^{-½} w     (A, S: pdjax.finite_body.scene)
 
 J is the Jacobian of the force density, V the volumes of the points and A the reduced Jacobian. In this module λ is an
 eigenvalue, not the load factor. H is symmetric for a model with an energy. Its eigenvalues are those of J on the free
@@ -15,12 +15,13 @@ Three methods compute the largest eigenvalues. The size of the body decides whic
 - matrix_free: Lanczos iteration with Jacobian-vector products. It stores no matrix and does not count eigenvalues.
 """
 
-from typing import Any
+from typing import TYPE_CHECKING
 
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 import scipy.sparse as sp
+from jax.typing import DTypeLike
 from jaxtyping import Array
 
 from .._internal.checks import choice, in_double
@@ -29,6 +30,9 @@ from .._internal.shown import told
 from ..force.fields import point_field
 from .factorisation import Factor, Singular, as_operator, count_positive, matrix, product, unknown_volumes
 from .scene import Scene
+
+if TYPE_CHECKING:
+    import scipy.sparse.linalg
 
 DENSE = 1500  # unknowns up to which all eigenvalues take less time than two sparse factorisations and Lanczos (0.5 s)
 SPARSE = 250_000  # unknowns up to which sparse factorisations are used: 10⁵ unknowns in 2D take 4 GB
@@ -115,7 +119,7 @@ def _state(scene: Scene, u, factor) -> Array:
     return point_field(u, scene.families)
 
 
-def zero_tolerance(norm: float, dtype: Any) -> float:
+def zero_tolerance(norm: float, dtype: DTypeLike) -> float:
     """64 eps ‖H‖. Smaller eigenvalues count as zero.
 
     The zero modes of free bars have eigenvalues of 2 to 9 eps ‖H‖ (measured).
@@ -123,13 +127,36 @@ def zero_tolerance(norm: float, dtype: Any) -> float:
     return 64 * float(jnp.finfo(dtype).eps) * norm
 
 
-def norm_of(H: Any) -> float:
-    """‖H‖ from a few Lanczos steps: a lower bound, less than one per cent too small."""
+def too_small(size: int, k: int = 1) -> bool:
+    """Whether a matrix of `size` unknowns is too small for Lanczos iteration to `k` eigenpairs.
+
+    ARPACK needs more unknowns than eigenvalues.
+    """
+    return size <= max(k, 2)
+
+
+def eigenpairs(
+    H: "sp.csc_array | scipy.sparse.linalg.LinearOperator", k: int, M: sp.csc_array | None = None, **options: object
+) -> tuple[np.ndarray, np.ndarray]:
+    """`k` eigenvalues and eigenvectors of H v = λ M v. If H is too small for ARPACK, all of them, smallest first.
+
+    H and M are symmetric matrices or operators, M is positive definite and the identity by default. `options` are those
+    of `scipy.sparse.linalg.eigsh`. They say which eigenpairs are wanted.
+    """
+    size = H.shape[0]
+    if too_small(size, k):
+        import scipy.linalg
+
+        I = np.eye(size)
+        return scipy.linalg.eigh(H @ I, None if M is None else M @ I)
     import scipy.sparse.linalg as sla
 
-    if H.shape[0] < 3:
-        return float(np.linalg.norm(H @ np.eye(H.shape[0]), 2))
-    return float(abs(sla.eigsh(H, k=1, which="LM", tol=1e-3, return_eigenvectors=False)[0]))
+    return sla.eigsh(H, k=k, M=M, **options)
+
+
+def norm_of(H: "sp.csc_array | scipy.sparse.linalg.LinearOperator") -> float:
+    """‖H‖ from a few Lanczos steps: a lower bound, less than one per cent too small."""
+    return float(np.abs(eigenpairs(H, 1, which="LM", tol=1e-3)[0]).max())
 
 
 def full_displacement(scene: Scene, w: np.ndarray, root: np.ndarray) -> np.ndarray:
@@ -151,6 +178,7 @@ def need_energy(scene: Scene) -> None:
 
 
 def scaled_matrix(A: sp.csc_array, root: np.ndarray) -> sp.csc_array:
+    """H = V^{-½} A V^{-½} from the reduced Jacobian A and `root`, the square roots of the volumes of its unknowns."""
     D = sp.diags_array(1 / root)
     return (D @ A @ D).tocsc()
 
@@ -160,20 +188,22 @@ def shifted(H: sp.csc_array, shift: float) -> sp.csc_array:
     return (H - shift * sp.eye_array(H.shape[0], format="csc")).tocsc()
 
 
-def nearest(H: Any, factor: Factor, shift: float, k: int, start: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
+def nearest(
+    H: sp.csc_array, factor: Factor, shift: float, k: int, start: np.ndarray | None
+) -> tuple[np.ndarray, np.ndarray]:
     """The eigenpairs of H nearest to `shift`, by Lanczos iteration on (H − shift)⁻¹: at most k, at least one.
 
     A solve has the relative error eps × condition number. Lanczos therefore cannot always bring k eigenvectors to
     1e-8 (the error of an eigenvalue is the square of that). Then the function returns the pairs that did converge. If
     none did, it returns one pair from inverse iteration.
     """
-    if H.shape[0] <= k:  # ARPACK needs more unknowns than eigenvalues
-        return np.linalg.eigh(H.toarray())
     import scipy.sparse.linalg as sla
 
     inverse = sla.LinearOperator(H.shape, matvec=factor.solve, dtype=float)
     try:
-        return sla.eigsh(H, k=k, sigma=shift, OPinv=inverse, v0=start, tol=1e-8, maxiter=200)
+        values, vectors = eigenpairs(H, k, sigma=shift, OPinv=inverse, v0=start, tol=1e-8, maxiter=200)
+        order = np.argsort(np.abs(values - shift))[:k]
+        return values[order], vectors[:, order]
     except sla.ArpackNoConvergence as failure:
         if len(failure.eigenvalues):
             return failure.eigenvalues, failure.eigenvectors
@@ -186,8 +216,6 @@ def nearest(H: Any, factor: Factor, shift: float, k: int, start: np.ndarray | No
 
 def _certified_top(H: sp.csc_array, count: int, tolerance: float) -> tuple:
     """The largest eigenvalues by shift and invert, and the number above the tolerance; inertia proves both."""
-    import scipy.sparse.linalg as sla
-
     size, factors = H.shape[0], 0
 
     def near(shift: float, k: int) -> tuple[int, np.ndarray, np.ndarray]:
@@ -204,7 +232,7 @@ def _certified_top(H: sp.csc_array, count: int, tolerance: float) -> tuple:
         return values, vectors, 0, factors
     # The state is unstable. Lanczos without a matrix factorisation gives the largest eigenvalue to a few digits. One
     # factorisation just above it makes it exact and proves that no eigenvalue lies higher.
-    rough = sla.eigsh(H, k=1, which="LA", tol=1e-4, v0=np.ones(size) + start, return_eigenvectors=False)[0]
+    rough = eigenpairs(H, 1, which="LA", tol=1e-4, v0=np.ones(size) + start)[0][-1]
     shift = max(rough, values[0]) + 1e-3 * max(rough, tolerance)
     for _ in range(6):
         above, values, vectors = near(shift, count)
@@ -261,7 +289,7 @@ def body_spectrum(scene: Scene, u=None, count: int | None = None, factor: float 
     need_energy(scene)
     u = _state(scene, u, factor)
     size = len(np.asarray(scene.unknowns))
-    if size < 3:
+    if too_small(size):
         method = "dense"
     if method == "auto":
         fits = "sparse" if size <= SPARSE else "matrix_free"
@@ -271,7 +299,7 @@ def body_spectrum(scene: Scene, u=None, count: int | None = None, factor: float 
     factors = 0
     if method == "matrix_free":
         q, scene = np.asarray(u).reshape(-1)[np.asarray(scene.unknowns)], scene.prepared()
-        H: Any = as_operator(lambda v: np.asarray(product(scene, q, factor, v / root)) / root, size)
+        H = as_operator(lambda v: np.asarray(product(scene, q, factor, v / root)) / root, size)
         entries = H @ np.ones(size)
     else:
         H = scaled_matrix(matrix(scene, u, factor), root)
@@ -292,9 +320,7 @@ def body_spectrum(scene: Scene, u=None, count: int | None = None, factor: float 
         if method == "sparse":
             values, vectors, positive, factors = _certified_top(H, k, tolerance)
         else:
-            import scipy.sparse.linalg as sla
-
-            values, vectors = sla.eigsh(H, k=k, which="LA", tol=1e-11, ncv=min(size, max(40, 3 * k)), maxiter=2000)
+            values, vectors = eigenpairs(H, k, which="LA", tol=1e-11, ncv=min(size, max(40, 3 * k)), maxiter=2000)
             values, vectors = values[::-1], vectors[:, ::-1]
     residuals = np.array([np.linalg.norm(H @ w - x * w) for x, w in zip(values, vectors.T, strict=True)])
     modes = np.array([full_displacement(scene, w, root) for w in vectors.T])

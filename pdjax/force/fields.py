@@ -24,7 +24,7 @@ The constants of a model may vary from point to point. A constant does so if the
 the body has points.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import singledispatch
 from typing import NamedTuple
 
@@ -90,14 +90,19 @@ def check_model(
         check_shape_tensors(model, families)
 
 
-_ONE_NUMBER = {"c", "m", "bulk", "shear", "g", "C", "r", "lam", "mu", "factor"}
+def _constants(part: eqx.Module) -> Iterator[tuple[str, tuple[int, ...]]]:
+    """(name, shape) of every field of a model that its own class, or that of a part, declares in `one_number`."""
+    for name in getattr(part, "one_number", ()):
+        yield name, np.shape(getattr(part, name))
+    for inner in jax.tree.leaves(part, is_leaf=lambda x: x is not part and isinstance(x, eqx.Module)):
+        if isinstance(inner, eqx.Module):
+            yield from _constants(inner)
 
 
 def _check_constants(model: AbstractModel, families: LatticeFamily | Families) -> None:
     """Raise ValueError for a constant that is neither one number nor, for a body, one number for each point."""
-    for path, leaf in jax.tree_util.tree_leaves_with_path(model):
-        name, shape = getattr(path[-1], "name", ""), np.shape(leaf)
-        if name not in _ONE_NUMBER or not shape:
+    for name, shape in _constants(model):
+        if not shape:
             continue
         if isinstance(families, LatticeFamily):
             raise ValueError(
@@ -127,6 +132,10 @@ def point_field(u, families: Families, name: str = "u") -> Array:
 
 
 def mean_deformation(F, families: Families) -> Array | None:
+    """Convert the mean deformation gradient `F` to an array (dim, dim). None, the identity, stays None.
+
+    Raises ValueError if F has a wrong shape, is not finite, or det F ≤ 0.
+    """
     return None if F is None else deformation_gradient(F, families.dim)
 
 

@@ -18,7 +18,6 @@ inside a user's own `jax.jit`.
 """
 
 import warnings
-from typing import Any
 
 import equinox as eqx
 import jax
@@ -42,10 +41,10 @@ from ..geometry.bonds import Families
 from ..models.base import AbstractModel
 from ..models.promises import check_promises
 from .backends import fft, padded, slices
-from .backends.backend import Backend
+from .backends.backend import Backend, BackendModule
 from .fields import check_model, point_field
 
-BACKENDS: dict[str, Any] = {"families": padded, "slices": slices, "fft": fft}
+BACKENDS: dict[str, BackendModule] = {"families": padded, "slices": slices, "fft": fft}
 WAYS = ("auto", *BACKENDS)
 HUGE = 3.0  # a body that moves apart by more than this many times its size has probably a wrong u
 MANY = 100  # offsets from which "fft" of degree 1 is faster than "slices" (3D, N = 3 has 122; `pdjax bench ways`)
@@ -289,16 +288,17 @@ def force_density(model: AbstractModel, families: Families, u, F=None, way: str 
     return f
 
 
-def _spread(x: Any) -> float:
+def _spread(x: object) -> float:
     """The largest difference between two points of one component of x (points, dim)."""
     return float(np.ptp(np.asarray(x), axis=0).max())
 
 
-def _warn_of_huge_displacements(families: Families, u: Any) -> None:
+def _warn_of_huge_displacements(families: Families, u: object) -> None:
     """Warn if displacements differ by more than HUGE times the size of the body: u is then probably in another unit."""
-    if families.positions is None or not is_concrete(u, families.positions):
+    positions = families.positions
+    if positions is None or not is_concrete(u, positions):
         return
-    size = remember(families, "size", lambda: _spread(families.positions))
+    size = remember(families, "size", lambda: _spread(positions))
     spread = _spread(u)
     if spread > HUGE * size:
         warnings.warn(
@@ -308,7 +308,7 @@ def _warn_of_huge_displacements(families: Families, u: Any) -> None:
         )
 
 
-def _not_finite(families: Families, f: np.ndarray, u: Any, F: Any) -> str:
+def _not_finite(families: Families, f: np.ndarray, u: object, F: Array | np.ndarray | None) -> str:
     """Why forces are not finite: a bond has collapsed, or numbers overflow their precision."""
     bad = np.flatnonzero(~np.isfinite(f).all(axis=1))
     where = f"the forces on {len(bad)} points are not finite, the first is point {bad[0]}"

@@ -194,13 +194,15 @@ def cauchy_stress(model: AbstractModel, families: Families, u, F=None) -> Float[
     Returns
     -------
     array, shape (points, dim, dim)
-        σ [pressure]. It is 0 at a point without bonds, and NaN where the bonds of a family do not span space.
+        σ [pressure]. It is 0 at a point without bonds. It is NaN at a point whose bonds do not span space, because F̄
+        does not exist there. An example is a point whose bonds all lie on one line in 2D.
 
     Raises
     ------
     ValueError
-        If u or F has a wrong shape or is not finite, det F ≤ 0, the model cannot invert a shape tensor, or the families
-        were made with `arrays=False`.
+        If u or F has a wrong shape or is not finite, det F ≤ 0, or the families were made with `arrays=False`. Also if
+        the model itself inverts a shape tensor, such as `Correspondence` or `SethHill`, and that of a family is
+        singular. Models without a shape tensor, such as `BondBased`, give NaN at such a point instead.
 
     Notes
     -----

@@ -13,12 +13,13 @@ check, and NumPy computes the sums. The tensor of another model is computed by o
 constants of the model, and only a change of these constants repeats the check.
 """
 
-from typing import Any
+from collections.abc import Callable
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array
 
 from .._internal.checks import on_device
 from .._internal.dependence import known_part
@@ -33,7 +34,8 @@ CHUNK = 512  # Families that NumPy sums at a time, so that the intermediate arra
 
 def _kinds(families: Families) -> tuple[np.ndarray, Bonds]:
     """One point of each kind of family of a lattice without arrays, and the bonds of these families."""
-    grid: Any = families.grid
+    grid = families.grid
+    assert grid is not None and grid.kinds is not None
     examples, patterns = (np.asarray(x) for x in grid.kinds)
     xi = np.array(grid.offsets, families.dtype).reshape(-1, families.dim) * float(families.spacing or 1.0)
     xi = np.broadcast_to(xi, (len(patterns), *xi.shape))
@@ -56,11 +58,11 @@ def _at_rest(families: LatticeFamily | Families) -> tuple[np.ndarray, Bonds]:
 
 
 @eqx.filter_jit
-def _by_program(model: AbstractModel, bonds: Bonds) -> Any:
+def _by_program(model: AbstractModel, bonds: Bonds) -> Array | None:
     return each_point("shape_tensor", model, bonds)
 
 
-def _by_numpy(of: Any, bonds: Bonds) -> np.ndarray:
+def _by_numpy(of: Callable[[Bonds], np.ndarray], bonds: Bonds) -> np.ndarray:
     cuts = range(0, len(bonds.xi), CHUNK)
     return np.concatenate([of(Bonds(*(x[at : at + CHUNK] for x in bonds))) for at in cuts])
 
@@ -107,7 +109,7 @@ def _refuse(model: AbstractModel, families: LatticeFamily | Families) -> None:
     )
 
 
-def _tensors_of(families: LatticeFamily | Families) -> Any:
+def _tensors_of(families: LatticeFamily | Families) -> Callable[[AbstractModel], Array | None]:
     """The tensors of all families as a function of the model. Tracing it shows on which constants they depend."""
     points = 1 if isinstance(families, LatticeFamily) else len(families)
     bonds = families.xi.shape[-2] if families.xi is not None else len(families.grid.offsets)  # type: ignore[union-attr]

@@ -29,6 +29,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
+from numpy.typing import ArrayLike
 
 from .._internal.checks import in_host_memory, namespace, native, on_device, on_host, require
 from .._internal.public import public_function
@@ -103,7 +104,7 @@ def _weight(weight, shape) -> np.ndarray | Array:
     return require(weight, ok, "bond weights must be finite and >= 0")
 
 
-def _readable(*arrays: Any) -> bool:
+def _readable(*arrays: object) -> bool:
     """Whether the host can read the values now. It can't read tracers, donated arrays and arrays of other hosts."""
     return all(
         isinstance(x, np.ndarray | np.generic)
@@ -202,7 +203,7 @@ class LatticeFamily(eqx.Module):
         eta, omega, volume = on_device((eta, family.influence * family.weight, volume))
         return Bonds(self.xi, eta, omega, volume, self.horizon)
 
-    def with_weight(self, weight: Any) -> "LatticeFamily":
+    def with_weight(self, weight: ArrayLike) -> "LatticeFamily":
         """Copy of the family with other bond weights β.
 
         Parameters
@@ -320,7 +321,7 @@ class Grid(eqx.Module):
     influence: Float[Array, " offsets"]
     sites: Int[Array, " points"] | None
     horizon: float = eqx.field(static=True)
-    kinds: tuple[Any, Any] | None
+    kinds: tuple[Int[Array | np.ndarray, " kinds"], Bool[Array | np.ndarray, "kinds offsets"]] | None
 
 
 class Families(eqx.Module):
@@ -440,7 +441,7 @@ class Families(eqx.Module):
         self.need_arrays()
         xp = np if in_host_memory(self, u, F) else jnp
         families, u, F = on_host((self, u, F)) if xp is np else (self, u, F)
-        eta: Any = u[families.neighbours] - u[:, None, :]
+        eta = u[families.neighbours] - u[:, None, :]
         if F is not None:
             eta = eta + families.xi @ (F - xp.eye(families.dim, dtype=families.xi.dtype)).T
         horizon = xp.broadcast_to(families.horizon, (len(families),))
@@ -472,7 +473,7 @@ class Families(eqx.Module):
         volume = jnp.broadcast_to(self.volumes[:, None], omega.shape)
         return Bonds(-bonds.xi, -bonds.eta, omega, volume, bonds.horizon)
 
-    def with_weight(self, weight: Any) -> "Families":
+    def with_weight(self, weight: ArrayLike) -> "Families":
         """Copy of the families whose bond weights are multiplied by `weight`.
 
         Parameters

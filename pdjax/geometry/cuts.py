@@ -4,9 +4,10 @@ A bond is cut if the straight line between its ends crosses the surface. Its wei
 ends. A point that loses all its bonds is a fragment without force (`pdjax.models.pointwise`).
 """
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from .._internal.checks import finite, is_concrete
 from .._internal.public import public_function
@@ -33,8 +34,8 @@ class Plane(NamedTuple):
     8.0
     """
 
-    point: Any
-    normal: Any
+    point: ArrayLike
+    normal: ArrayLike
 
 
 class Segment(NamedTuple):
@@ -55,8 +56,8 @@ class Segment(NamedTuple):
     4.0
     """
 
-    start: Any
-    end: Any
+    start: ArrayLike
+    end: ArrayLike
 
 
 class Polygon(NamedTuple):
@@ -77,7 +78,7 @@ class Polygon(NamedTuple):
     8.0
     """
 
-    vertices: Any
+    vertices: ArrayLike
 
 
 Surface = Plane | Segment | Polygon

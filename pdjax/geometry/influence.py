@@ -40,7 +40,7 @@ from .._internal.public import public_function
 Lengths = Float[Array | np.ndarray, "..."]
 
 
-def _together(r: Lengths, *others: Any) -> tuple[Any, ...]:
+def _together(r: Lengths, *others: object) -> tuple[Any, ...]:
     """The module to compute with, r and the others. It is NumPy if r is a NumPy array and no value is traced."""
     if not isinstance(r, np.ndarray):
         return jnp, r, *others
@@ -249,7 +249,7 @@ INFLUENCES: dict[str, Callable] = {
 }
 
 
-def named_influence(influence: Any) -> Callable:
+def named_influence(influence: object) -> Callable:
     """Return the influence function itself, or the one with this name in `INFLUENCES`."""
     if isinstance(influence, str):
         return INFLUENCES[choice("influence", influence, tuple(INFLUENCES))]

@@ -1,7 +1,6 @@
 """Report on the families of a set of points before they are made: counts, ties, the next shell, isolated points."""
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -110,7 +109,7 @@ def neighbour_report(points: Points, horizon: float) -> NeighbourReport:
     check_body("points", points)
     horizon = checked_horizon(horizon)
     radius = tie_radius(points, horizon)
-    wide: Any = 1.5 * horizon
+    wide = 1.5 * horizon
     if points.period is not None and min(points.period) <= 2 * wide:
         wide = max(radius, min(horizon * (1 + BAND), 0.499 * min(points.period)))
     i, j, vectors = pairs_within(points, wide)

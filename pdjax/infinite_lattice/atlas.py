@@ -38,6 +38,7 @@ from ..models.base import AbstractModel
 from ..models.catalogue import CATALOGUE, model_name
 from ..models.correspondence import Correspondence
 from ..models.laws import LinearElastic, law_label
+from .bloch import laplacian
 from .brillouin import brillouin_zone, largest_eigenvalue, nudge
 from .climb import climb
 from .cosine_series import Series, entries, forms, on_grid, packed, reached
@@ -199,7 +200,7 @@ def _zero_search(blocks: Array, dim: int, bonds: int, rings: int, intervals: int
     offsets, zone = reached(dim, bonds, rings), brillouin_zone(dim, intervals, symmetry)
     grid = jnp.asarray(zone.grid, blocks.dtype)
     values = on_grid(blocks, offsets, list(zone.axes)).reshape(blocks.shape[1], -1)[:, zone.places]
-    screen = largest_eigenvalue(entries(values, dim)) / jnp.sum(4 * jnp.sin(grid / 2) ** 2, axis=1)
+    screen = largest_eigenvalue(entries(values, dim)) / laplacian(grid)
     count = min(len(zone.grid), 64)
     chosen = jnp.argsort(-screen)[:count]
     starts = grid[chosen][None]
@@ -291,7 +292,8 @@ def cost_per_bond(model: AbstractModel, dim: int, N: float, repeats: int = 5) ->
     return float(np.median(times)) / float(families.count.sum())
 
 
-def _record(name: str, dim: int, N: float, law: LinearElastic, paths: Sequence[str], cost: bool) -> dict:
+def _record(name: str, dim: int, N: float, law: LinearElastic, paths: Sequence[str]) -> dict:
+    """The record of one model without its cost."""
     family = lattice_family(dim, N)
     record: dict = {"model": name, "dim": dim, "N": float(N)}
     criterion = "local" if name == LAW else "symbol"
@@ -306,12 +308,11 @@ def _record(name: str, dim: int, N: float, law: LinearElastic, paths: Sequence[s
     if name == LAW:
         return record
     waves = zero_energy_waves(model, family)
-    record |= {
+    return record | {
         "zero": waves[:12].tolist(),
         "zero_count": len(waves),
         "dispersion": dispersion_error(model, family, law),
     }
-    return record | ({"cost": cost_per_bond(model, dim, N)} if cost else {})
 
 
 @public_function
@@ -343,7 +344,7 @@ def model_atlas(
         Measure the time of a force evaluation.
     save : str or path, optional
         A JSON file that is written after every record. If the file exists and has the same law and paths, its records
-        are kept and only the missing ones are computed.
+        are kept. Only missing records are computed, and missing costs are measured if `cost` is True.
     show_progress : bool, optional
         Show the progress on the terminal.
 
@@ -376,7 +377,7 @@ def model_atlas(
     names = list(CATALOGUE) if models is None else [model_name(name) for name in models]
     for name in paths:
         choice("path", name, list(PATHS))
-    law = LinearElastic(lam=1.0, mu=1.0) if law is None else law  # type: ignore
+    law = LinearElastic(lam=1.0, mu=1.0) if law is None else law  # type: ignore[call-arg, arg-type]
     result = Atlas(settings={"law": law_label(law), "paths": list(paths)})
     if save is not None and writable(save).exists() and FilePath(save).stat().st_size:
         result = Atlas.load(save)
@@ -384,9 +385,12 @@ def model_atlas(
             raise ValueError(f"{save} holds an atlas of other settings, {result.settings}. Name another file")
     jobs = [(name, dim, n) for dim in dims for n in N for name in [LAW, *names]]
     for name, dim, n in progress(jobs, len(jobs), "atlas", show_progress):
-        if result.find(name, dim, n) is None:
-            mine = ["hydrostatic"] if dim == 1 else list(paths)
-            result.records.append(_record(name, dim, n, law, mine, cost))
-            if save is not None:
-                result.save(save)
+        record = result.find(name, dim, n)
+        if missing := record is None:
+            record = _record(name, dim, n, law, ["hydrostatic"] if dim == 1 else list(paths))
+            result.records.append(record)
+        if measured := cost and name != LAW and not {"cost", "refused"} & record.keys():
+            record["cost"] = cost_per_bond(CATALOGUE[name](law, lattice_family(dim, n)), dim, n)
+        if save is not None and (missing or measured):
+            result.save(save)
     return result

@@ -34,7 +34,7 @@ Sources: Born & Huang 1954 for the method. This form for state-based peridynamic
 
 from collections.abc import Callable
 from functools import singledispatch
-from typing import Any, ClassVar, NamedTuple
+from typing import ClassVar, NamedTuple
 
 import equinox as eqx
 import jax
@@ -42,10 +42,23 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from .._internal.checks import Numbers, Same
 from ..force.fields import affine_stress
 from ..geometry.bonds import LatticeFamily
 from ..models.base import AbstractModel, PointStateModel, TwoStageModel
 from ..tangent.linearise import family_tangent, linearise_states, linearise_two_stage
+
+
+def squared_chord(angle: Same, long: Numbers | None = None) -> Same:
+    """c = |e^{ix} − 1|² = 4 sin²(x/2) of every angle x, or its limit x² for long waves where `long` is True."""
+    xp = np if isinstance(angle, np.ndarray) else jnp
+    c = 4 * xp.sin(angle / 2) ** 2
+    return c if long is None else xp.where(long, angle**2, c)
+
+
+def laplacian(x: Float[Numbers, "*waves dim"], long: Numbers | None = None) -> Float[Numbers, "*waves"]:
+    """κ² = Σ_i 4 sin²(x_i/2) [1/spacing²] of the lattice Laplacian at x = h k, or |x|² for long waves."""
+    return squared_chord(x, long).sum(axis=-1)
 
 
 class Phases(NamedTuple):
@@ -54,15 +67,14 @@ class Phases(NamedTuple):
     c: Float[Array, "*waves half"]
     s: Float[Array, "*waves half"]
     even: Float[Array, "*waves half"]
-    kappa2: Float[Array, "*waves"]
+    kappa2: Float[Numbers, "*waves"]
 
 
 def wave_phases(family: LatticeFamily, k: Float[Array, "*waves dim"]) -> Phases:
     """The phases of wave vectors k [1/length], with κ² = Σ_i ((2/h) sin(k_i h/2))²."""
     x = k @ family.xi[: family.xi.shape[0] // 2].T
-    c = 4 * jnp.sin(x / 2) ** 2
-    kappa2 = jnp.sum((2 / family.spacing * jnp.sin(k * family.spacing / 2)) ** 2, axis=-1)
-    return Phases(c, jnp.sin(x), -c / 2, kappa2)
+    c = squared_chord(x)
+    return Phases(c, jnp.sin(x), -c / 2, laplacian(k * family.spacing) / family.spacing**2)
 
 
 def long_wave_phases(family: LatticeFamily, direction: Float[Array, "*waves dim"]) -> Phases:
@@ -87,16 +99,23 @@ def _sums(t: "StateTangent | TwoStageTangent", phases: Phases) -> tuple[Array, A
 
 
 class StateTangent(eqx.Module):
-    """The tangent of a point-state model: b, g and r over half of the family."""
+    """The tangent of a point-state model: b, g and r over half of the family.
 
-    rings: ClassVar[int] = 2  # the number of rings of neighbours that the blocks of its cosine series reach
+    All kinds of tangents declare three properties. `rings` is the number of rings of neighbours that the blocks of the
+    cosine series reach. `series_on_host` says that NumPy makes the series, and `one_by_one` that a tangent takes so
+    much time and memory that several states are linearised one after another.
+    """
+
+    rings: ClassVar[int] = 2
+    series_on_host: ClassVar[bool] = True
+    one_by_one: ClassVar[bool] = False
 
     b: Float[Array, "half dim dim"]
     g: Float[Array, "half dim rank"]
     r: Float[Array, "half rank dim"]
 
     @classmethod
-    def of(cls, model: Any, family: LatticeFamily, F: Float[Array, "dim dim"]) -> "StateTangent":
+    def of(cls, model: PointStateModel, family: LatticeFamily, F: Float[Array, "dim dim"]) -> "StateTangent":
         """The tangent of a point-state model at x = F X."""
         bonds, half = family.bonds(F), family.xi.shape[0] // 2
         V, t = bonds.volume[0], linearise_states(model, bonds, first=half)
@@ -133,12 +152,14 @@ class DenseTangent(eqx.Module):
     """The tangent V C of a model that gives only its energy, folded onto half of the family by parity."""
 
     rings: ClassVar[int] = 2
+    series_on_host: ClassVar[bool] = False
+    one_by_one: ClassVar[bool] = True
 
     even: Float[Array, "half dim half dim"]
     odd: Float[Array, "half dim half dim"]
 
     @classmethod
-    def of(cls, model: Any, family: LatticeFamily, F: Float[Array, "dim dim"]) -> "DenseTangent":
+    def of(cls, model: AbstractModel, family: LatticeFamily, F: Float[Array, "dim dim"]) -> "DenseTangent":
         """The tangent of any model of one stage at x = F X."""
         bonds, half = family.bonds(F), family.xi.shape[0] // 2
         C = bonds.volume[0] * family_tangent(model, bonds)
@@ -162,6 +183,8 @@ class TwoStageTangent(eqx.Module):
     """
 
     rings: ClassVar[int] = 3
+    series_on_host: ClassVar[bool] = False
+    one_by_one: ClassVar[bool] = False
 
     b: Float[Array, "half dim dim"]
     g: Float[Array, "half dim rank"]
@@ -170,7 +193,7 @@ class TwoStageTangent(eqx.Module):
     mixed: Float[Array, "half rank rank"]
 
     @classmethod
-    def of(cls, model: Any, family: LatticeFamily, F: Float[Array, "dim dim"]) -> "TwoStageTangent":
+    def of(cls, model: TwoStageModel, family: LatticeFamily, F: Float[Array, "dim dim"]) -> "TwoStageTangent":
         """The tangent of a model of two stages at x = F X: the Hessians of the whole family, folded onto half of it."""
         t, half = linearise_two_stage(model, family.bonds(F)), family.xi.shape[0] // 2
         level = jnp.sum(t.here + t.there + t.mixed + t.mixed.mT, axis=0)
@@ -213,7 +236,8 @@ def homogeneous_tangent(model: AbstractModel, family: LatticeFamily, F: Float[Ar
             f"{type(model).__name__} needs the states of both ends of a bond, and its states are not even (ξ → −ξ), so"
             " one family does not give its symbol. Compute it with pdjax.cell_symbol for a cell of one point"
         )
-    return tangent_kind(model).of(model, family, F)
+    of: Callable[..., Tangent] = tangent_kind(model).of
+    return of(model, family, F)
 
 
 @singledispatch

@@ -20,16 +20,16 @@ The limit k → 0 is searched in the same way over the directions of k.
 """
 
 import contextlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextvars import ContextVar
 from functools import lru_cache
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from .._internal.checks import namespace
+from .._internal.checks import Numbers, namespace
 
 SYMMETRIES = ("cubic", "tetragonal", "orthorhombic", "inversion")
 
@@ -141,7 +141,7 @@ def directions(dim: int) -> np.ndarray:
     return near / np.linalg.norm(near, axis=1, keepdims=True)
 
 
-def largest_eigenvalue(A: list[list[Any]]) -> Any:
+def largest_eigenvalue(A: Sequence[Sequence[Numbers]]) -> Numbers:
     """Closed-form λ_max of symmetric 1×1, 2×2 or 3×3 blocks, whose entries are separate arrays.
 
     It is accurate enough to screen the grid but not to give a verdict.
@@ -167,14 +167,14 @@ def top_pair(A: Float[Array, "dim dim"]) -> tuple[Array, Array]:
     return values[-1], vectors[:, -1]
 
 
-def class_best(zone: Zone, screen: Float[Any, " waves"]) -> Int[Any, " classes"]:
+def class_best(zone: Zone, screen: Float[Numbers, " waves"]) -> Int[Numbers, " classes"]:
     """The index of the best grid point of every class."""
     xp = namespace(screen)
     best = xp.argmax(screen[zone.members], axis=1)
     return xp.take_along_axis(xp.asarray(zone.members), best[:, None], axis=1)[:, 0]
 
 
-def second_best(zone: Zone, screen: Float[Any, " waves"]) -> Int[Any, ""]:
+def second_best(zone: Zone, screen: Float[Numbers, " waves"]) -> Int[Array | np.integer, ""]:
     """The index of the best grid point that is more than 2½ steps away from the best point of all.
 
     On a ridge with two maxima it may belong to the other maximum. k, −k and k + 2π/h are the same wave.

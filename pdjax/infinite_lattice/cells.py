@@ -34,6 +34,7 @@ from ..geometry.points import Points
 from ..geometry.ties import tie_radius
 from ..models.base import AbstractModel
 from ..tangent.jacobian import jacobian
+from .bloch import squared_chord
 from .criteria.outcome import margin_tolerance, verdicts
 
 
@@ -384,7 +385,7 @@ def cell_stability(
     index = np.stack([g.reshape(-1) for g in np.meshgrid(*steps, indexing="ij")], axis=1)
     k = np.pi * index / intervals / period
     J = np.array(cell_symbol(model, families, F, k, u))  # A copy, because the block at k = 0 is changed below.
-    kappa2 = np.sum((2 / period * np.sin(k * period / 2)) ** 2, axis=1)
+    kappa2 = np.sum(squared_chord(k * period) / period**2, axis=1)
     at_origin = (index == 0).all(axis=1)
     kappa2[at_origin] = np.sum((2 * np.pi / period) ** 2)
     root = np.sqrt(np.asarray(families.volumes))

@@ -18,16 +18,16 @@ c = (N·o)².
 """
 
 from collections.abc import Callable
-from functools import lru_cache
-from typing import Any, NamedTuple
+from functools import lru_cache, singledispatch
+from typing import NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .._internal.checks import namespace
+from .._internal.checks import Numbers, namespace
 from ..geometry.bonds import cells_within
-from .bloch import DenseTangent, Phases, StateTangent, Tangent, TwoStageTangent
+from .bloch import DenseTangent, Phases, StateTangent, Tangent, TwoStageTangent, laplacian, squared_chord
 
 
 class Fold(NamedTuple):
@@ -94,24 +94,29 @@ def _box(dim: int, reach: int) -> np.ndarray:
     return every[len(every) // 2 + 1 :]
 
 
-def series(tangent: Tangent, dim: int, bonds: int) -> Float[Any, "offsets dim dim"]:
-    """The blocks B_o [force/length^(dim+1)] of one state of a lattice family of `bonds` bonds."""
-    if isinstance(tangent, TwoStageTangent):
-        return _by_transform(tangent, dim, bonds)
-    if isinstance(tangent, StateTangent):
-        return series_of_state(tangent.b, tangent.g, tangent.r)
-    assert isinstance(tangent, DenseTangent)
+@singledispatch
+def series(tangent: Tangent, dim: int, bonds: int) -> Float[Numbers, "offsets dim dim"]:
+    """The blocks B_o [force/length^(dim+1)] of one state of a lattice family of `bonds` bonds.
+
+    Each kind of tangent registers its own function.
+    """
+    raise NotImplementedError(f"no cosine series of a {type(tangent).__name__}")
+
+
+@series.register(DenseTangent)
+def _of_all_bonds(tangent: DenseTangent, dim: int, bonds: int) -> Float[Numbers, "offsets dim dim"]:
     even, odd = (x.transpose(0, 2, 1, 3) / 4 for x in (tangent.even, tangent.odd))
     return _sums(2 * (even.sum(axis=0) + even.sum(axis=1)), odd - even, -odd - even)
 
 
-def series_of_state(b: Any, g: Any, r: Any) -> Any:
-    """`series` from the parts of a `StateTangent`, in NumPy if they are concrete."""
-    plus = namespace(b).tensordot(g, r, axes=(2, 1)).transpose(0, 2, 1, 3) / 4
-    return _sums(b, plus, -plus)
+@series.register(StateTangent)
+def _of_states(tangent: StateTangent, dim: int, bonds: int) -> Float[Numbers, "offsets dim dim"]:
+    """In NumPy if the tangent is concrete."""
+    plus = namespace(tangent).tensordot(tangent.g, tangent.r, axes=(2, 1)).transpose(0, 2, 1, 3) / 4
+    return _sums(tangent.b, plus, -plus)
 
 
-def _sums(own: Any, plus: Any, minus: Any) -> Any:
+def _sums(own: Numbers, plus: Numbers, minus: Numbers) -> Numbers:
     """Sum the terms of every offset: those of single bonds `own` (half, dim, dim), and those of the sums `plus` and
     differences `minus` of two bonds (half, half, dim, dim)."""
     xp, (half, dim, _) = namespace(own), own.shape
@@ -123,13 +128,14 @@ def _sums(own: Any, plus: Any, minus: Any) -> Any:
     return jnp.zeros((len(f.first), dim, dim), terms.dtype).at[place].add(terms)[:-1]
 
 
+@series.register(TwoStageTangent)
 def _by_transform(tangent: TwoStageTangent, dim: int, bonds: int) -> Float[Array, "offsets dim dim"]:
     half = half_offsets(dim, bonds)
     reach = 3 * int(np.abs(half).max())
     size = 2 * reach + 1
     waves = np.stack([x.reshape(-1) for x in np.meshgrid(*[np.arange(size)] * dim, indexing="ij")], axis=1)
     angle = jnp.asarray(2 * np.pi / size * ((waves @ half.T) % size), tangent.b.dtype)
-    c = 4 * jnp.sin(angle / 2) ** 2
+    c = squared_chord(angle)
     values = tangent(Phases(c, jnp.sin(angle), -c / 2, c[:, 0]))
     blocks = jnp.fft.ifftn(values.reshape(*[size] * dim, dim, dim), axes=tuple(range(dim))).real
     return blocks[tuple((_box(dim, reach) % size).astype(np.int32).T)]
@@ -138,12 +144,12 @@ def _by_transform(tangent: TwoStageTangent, dim: int, bonds: int) -> Float[Array
 class Forms(NamedTuple):
     """A symmetric matrix function A(x) and a scale κ²(x), each with its first and second derivatives in x."""
 
-    A: Float[Any, "*lanes dim dim"]
-    A1: Float[Any, "*lanes dim dim dim"]
-    A2: Float[Any, "*lanes dim dim dim dim"]
-    scale: Float[Any, "*lanes"]
-    scale1: Float[Any, "*lanes dim"]
-    scale2: Float[Any, "*lanes dim dim"]
+    A: Float[Numbers, "*lanes dim dim"]
+    A1: Float[Numbers, "*lanes dim dim dim"]
+    A2: Float[Numbers, "*lanes dim dim dim dim"]
+    scale: Float[Numbers, "*lanes"]
+    scale1: Float[Numbers, "*lanes dim"]
+    scale2: Float[Numbers, "*lanes dim dim"]
 
 
 @lru_cache(maxsize=4)
@@ -155,13 +161,13 @@ def upper(dim: int) -> tuple[tuple[np.ndarray, np.ndarray], np.ndarray]:
     return (rows, columns), place
 
 
-def packed(blocks: Any) -> Any:
+def packed(blocks: Numbers) -> Numbers:
     """The upper triangle (*states, offsets, p) of the symmetric part of every block (*states, offsets, dim, dim)."""
     (rows, columns), _ = upper(blocks.shape[-1])
     return (blocks[..., rows, columns] + blocks[..., columns, rows]) / 2
 
 
-def entries(values: Float[Any, "p *waves"], dim: int) -> list[list[Any]]:
+def entries(values: Float[Numbers, "p *waves"], dim: int) -> list[list[Numbers]]:
     """The entries of packed matrices as a nested list of arrays."""
     _, place = upper(dim)
     return [[values[place[i, j]] for j in range(dim)] for i in range(dim)]
@@ -170,13 +176,13 @@ def entries(values: Float[Any, "p *waves"], dim: int) -> list[list[Any]]:
 class Series(NamedTuple):
     """The terms that `forms` sums for many states at once: upper triangles of B, o B and o o B, and the offsets."""
 
-    zeroth: Float[Any, "states offsets p"]
-    first: Float[Any, "states offsets dim_p"]
-    second: Float[Any, "states offsets p_p"]
-    offsets: Any
+    zeroth: Float[Numbers, "states offsets p"]
+    first: Float[Numbers, "states offsets dim_p"]
+    second: Float[Numbers, "states offsets p_p"]
+    offsets: np.ndarray
 
     @staticmethod
-    def of(blocks: Any, offsets: np.ndarray) -> "Series":
+    def of(blocks: Numbers, offsets: np.ndarray) -> "Series":
         (rows, columns), _ = upper(offsets.shape[1])
         o = offsets.astype(blocks.dtype)
         oo = o[:, rows] * o[:, columns]
@@ -185,7 +191,7 @@ class Series(NamedTuple):
         return Series(blocks, first, (oo[None, :, :, None] * blocks[:, :, None, :]).reshape(shape), o)
 
 
-def forms(s: Series, x: Any, long: np.ndarray, bare: np.ndarray) -> Forms:
+def forms(s: Series, x: Numbers, long: np.ndarray, bare: np.ndarray) -> Forms:
     """A = Ĵ (symmetric part) and κ² = Σ 4 sin²(x_i/2) with derivatives, at x (states, lanes, dim) [1/spacing].
 
     A lane is one start of the search. Lanes marked in `long` (lanes,) use the limit x → 0 along x, with κ² = |x|².
@@ -194,10 +200,9 @@ def forms(s: Series, x: Any, long: np.ndarray, bare: np.ndarray) -> Forms:
     xp, dim = namespace(s, x), x.shape[-1]
     angle = x @ s.offsets.T
     far = long[:, None]
-    half, turn = xp.sin(angle / 2), xp.sin(angle)
-    c = xp.where(far, angle**2, 4 * half**2)
-    c1 = xp.where(far, 2 * angle, 2 * turn)
-    c2 = xp.where(far, 2.0, 2 - 4 * half**2)
+    c = squared_chord(angle, far)
+    c1 = xp.where(far, 2 * angle, 2 * xp.sin(angle))
+    c2 = xp.where(far, 2.0, 2 - c)
     _, place = upper(dim)
     A = -(c @ s.zeroth)[..., place]
     A1 = -(c1 @ s.first).reshape(*x.shape[:-1], dim, -1)[..., place]
@@ -205,17 +210,18 @@ def forms(s: Series, x: Any, long: np.ndarray, bare: np.ndarray) -> Forms:
     return Forms(A, A1, A2, *_laplacian(x, far, bare[:, None]))
 
 
-def _laplacian(x: Any, far: np.ndarray, bare: np.ndarray) -> tuple[Any, Any, Any]:
+def _laplacian(x: Numbers, far: np.ndarray, bare: np.ndarray) -> tuple[Numbers, Numbers, Numbers]:
     xp = namespace(x)
     eye = xp.eye(x.shape[-1], dtype=x.dtype)
-    each = xp.where(far, x**2, 4 * xp.sin(x / 2) ** 2)
     slope = xp.where(far, 2 * x, 2 * xp.sin(x))
     curvature = xp.where(far, 2.0, 2 * xp.cos(x))
-    value = xp.where(bare[:, 0], 1.0, each.sum(axis=-1))
+    value = xp.where(bare[:, 0], 1.0, laplacian(x, far))
     return value, xp.where(bare, 0.0, slope), xp.where(bare, 0.0, curvature)[..., None] * eye
 
 
-def on_grid(blocks: Float[Any, "offsets p"], offsets: np.ndarray, axes: list[np.ndarray]) -> Float[Any, "p *grid"]:
+def on_grid(
+    blocks: Float[Numbers, "offsets p"], offsets: np.ndarray, axes: list[np.ndarray]
+) -> Float[Numbers, "p *grid"]:
     """Ĵ (entries of `blocks`) on the grid of wave vectors with the components `axes` [1/spacing].
 
     The sum over offsets is a product with one matrix for each axis, so that its cost does not grow as grid × offsets.
@@ -245,7 +251,7 @@ def on_grid(blocks: Float[Any, "offsets p"], offsets: np.ndarray, axes: list[np.
 
 def symbols(blocks: np.ndarray, offsets: np.ndarray, x: np.ndarray) -> np.ndarray:
     """Ĵ (..., dim, dim) of concrete blocks at x = h k (..., dim), computed in NumPy."""
-    return _summed(lambda part: -4 * np.sin(part @ offsets.T / 2) ** 2, blocks, x)
+    return _summed(lambda part: -squared_chord(part @ offsets.T), blocks, x)
 
 
 def symbol_slopes(blocks: np.ndarray, offsets: np.ndarray, x: np.ndarray) -> np.ndarray:

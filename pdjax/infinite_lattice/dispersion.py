@@ -10,23 +10,21 @@ The classical law behind the model has ω² = |k|² eig Q(n)/ρ, with the acoust
 where M is the P-wave modulus and κ² = Σ_i ((2/h) sin(k_i h/2))².
 """
 
-from typing import Any
-
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from .._internal.checks import as_real, deformation_gradient, is_concrete, namespace, on_device, require
+from .._internal.checks import Numbers, as_real, deformation_gradient, is_concrete, namespace, on_device
 from .._internal.public import public_function
 from ..force.fields import check_model
 from ..geometry.bonds import LatticeFamily
 from ..models.base import AbstractModel
-from .bloch import homogeneous_tangent, modulus_at_rest, wave_phases
+from .bloch import homogeneous_tangent, laplacian, modulus_at_rest, wave_phases
 from .cosine_series import symbol_slopes, symbols
 from .criteria.outcome import margin_tolerance
-from .lattice_states import checked_states, has_series
+from .lattice_states import checked_states, has_series, wave_vectors
 
 
 class Dispersion(eqx.Module):
@@ -47,8 +45,9 @@ class Dispersion(eqx.Module):
     mode : array, shape (waves, dim, dim)
         Polarisations: mode[w, :, b] is the unit vector of branch b of wave w.
     group_velocity : array, shape (waves, dim, dim)
-        Group velocity ∂ω/∂k [length/time], in the order wave, branch, component. It is NaN where ω = 0, because at
-        k = 0 it depends on the direction. It is arbitrary where two branches have the same eigenvalue.
+        Group velocity ∂ω/∂k [length/time]. The axes are wave, branch, component: group_velocity[w, b, :] is the vector
+        of branch b of wave w. In `mode` the branch is the last axis. The velocity is NaN where ω = 0, because at k = 0
+        it depends on the direction. It is arbitrary where two branches have the same eigenvalue.
     zero_energy : array of bool, shape (waves, dim)
         True for a zero-energy mode: λ = 0 to rounding at k ≠ 0.
 
@@ -83,7 +82,9 @@ def _dispersion(model: AbstractModel, family: LatticeFamily, F: Array, k: Array,
     return Dispersion(*_branches(k, J, slope, scale, density, margin_tolerance(J.dtype)))
 
 
-def _branches(k: Any, J: Any, slope: Any, scale: Any, density: Any, tolerance: Any) -> tuple:
+def _branches(
+    k: Numbers, J: Numbers, slope: Numbers, scale: Numbers, density: Numbers, tolerance: Array | np.floating
+) -> tuple:
     """The fields of `Dispersion` from Ĵ, ∂Ĵ/∂k and scale = M κ². |λ| ≤ tolerance · scale counts as zero."""
     xp = namespace(J, density)
     value, mode = xp.linalg.eigh((J + J.mT) / 2)
@@ -108,21 +109,13 @@ def _from_series(
     states = checked_states(model, family, F[None])
     h, blocks = states.spacing, states.blocks[0]
     J, slope = (f(blocks, states.offsets, h * k) for f in (symbols, symbol_slopes))
-    kappa2 = np.sum((2 / h * np.sin(k * h / 2)) ** 2, axis=-1)
+    kappa2 = laplacian(h * k) / h**2
     tolerance = margin_tolerance(family.xi.dtype)  # k and the constants have this precision.
     *found, zero = _branches(k, J, h * slope, states.modulus * kappa2, density, tolerance)
     return Dispersion(*on_device((*(np.ascontiguousarray(x, family.xi.dtype) for x in found), zero)))
 
 
-def _waves(k, dim: int, dtype) -> Any:
-    k = namespace(k).asarray(k, dtype)
-    k = k[:, None] if k.ndim == 1 and dim == 1 else k
-    if k.ndim != 2 or k.shape[1] != dim:
-        raise ValueError(f"k must have shape (waves, {dim}) for this family; got {k.shape}")
-    return require(k, namespace(k).isfinite(k), "k must be finite")
-
-
-def _positive(density, dtype) -> Any:
+def _positive(density, dtype) -> Numbers:
     density = namespace(density).asarray(density, dtype)
     if is_concrete(density) and not (density.shape == () and np.isfinite(density) and density > 0):
         raise ValueError(f"density must be one finite number > 0; got {density}")
@@ -161,7 +154,7 @@ def dispersion(model: AbstractModel, family: LatticeFamily, F, k, density=1.0) -
 
     Examples
     --------
-    With N = 1 and λ + 2μ = 1 the correspondence model has ω = |sin kh|/h in 1D.
+    With N = 1 and lam + 2 mu = 1 the correspondence model has ω = |sin kh|/h in 1D.
 
     >>> model = pd.Correspondence(pd.LinearElastic(1.0, 0.0))
     >>> waves = pd.dispersion(model, pd.lattice_family(1, 1), np.eye(1), [0.1, np.pi / 2])
@@ -175,14 +168,14 @@ def dispersion(model: AbstractModel, family: LatticeFamily, F, k, density=1.0) -
             " Use pdjax.symbol and the eigenvalues of its result"
         )
     F = deformation_gradient(F, family.dim)
-    k, density = _waves(k, family.dim, F.dtype), _positive(density, F.dtype)
+    k, density = wave_vectors(k, family.dim, F.dtype, listed=True), _positive(density, F.dtype)
     if is_concrete(model, family, F, k, density) and has_series(model):
         return _from_series(model, family, np.asarray(F), k, density)
     return _dispersion(model, family, F, k, density)
 
 
 @eqx.filter_jit
-def _classical(model: AbstractModel, F: Array, k: Array, density: Array) -> Array:
+def _classical(model: AbstractModel, F: Array, k: Numbers, density: Numbers) -> Array:
     moduli = jax.hessian(model.local_energy)(F)
     square = jnp.linalg.eigvalsh(jnp.einsum("iJkL,wJ,wL->wik", moduli, k, k)) / density
     return jnp.where(square >= 0, jnp.sqrt(jnp.where(square > 0, square, 0.0)), jnp.nan)
@@ -227,4 +220,4 @@ def classical_frequency(model: AbstractModel, F, k, density=1.0) -> Float[Array,
     F = as_real(F)
     F = F.reshape(1, 1) if F.ndim == 0 else F
     F = deformation_gradient(F, F.shape[0])
-    return _classical(model, F, _waves(k, F.shape[0], F.dtype), _positive(density, F.dtype))
+    return _classical(model, F, wave_vectors(k, F.shape[0], F.dtype, listed=True), _positive(density, F.dtype))

@@ -13,16 +13,25 @@ undeformed state. The family object keeps the results. The program computes in d
 single precision, so that a verdict does not depend on the units.
 """
 
-import itertools
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.typing import DTypeLike
 from jaxtyping import Array, Float
 
-from .._internal.checks import as_array, computed_in_double, deformation_gradient, is_concrete, on_device, require
+from .._internal.checks import (
+    Numbers,
+    as_array,
+    computed_in_double,
+    deformation_gradient,
+    is_concrete,
+    namespace,
+    on_device,
+    require,
+)
 from .._internal.memory import remember, value_key
 from .._internal.public import public_function
 from .._internal.xla import ONCE, compiled_with
@@ -30,15 +39,14 @@ from ..force.fields import check_model
 from ..geometry.bonds import LatticeFamily
 from ..models.base import AbstractModel
 from .bloch import (
-    DenseTangent,
-    StateTangent,
+    Tangent,
     block_at_center,
     homogeneous_tangent,
     modulus_at_rest,
     tangent_kind,
     wave_phases,
 )
-from .cosine_series import reached, series, series_of_state, symbols
+from .cosine_series import reached, series, symbols
 
 STATES = 16
 
@@ -53,7 +61,7 @@ class States(NamedTuple):
 
     blocks: np.ndarray
     offsets: np.ndarray
-    modulus: Any
+    modulus: np.ndarray | float
     spacing: float
 
     @property
@@ -72,13 +80,15 @@ def offsets_of(model: AbstractModel, family: LatticeFamily) -> np.ndarray:
     return reached(family.dim, len(family.influence), rings(model))
 
 
-def modulus_of(resting: np.ndarray, offsets: np.ndarray, spacing: float) -> Any:
+def modulus_of(resting: np.ndarray, offsets: np.ndarray, spacing: float) -> np.ndarray | np.floating:
     """M [pressure] (...,) from the blocks (..., offsets, dim, dim) of undeformed states: −Ĵ₁₁/k² of long waves."""
     return resting[..., 0, 0] @ offsets[:, 0] ** 2 * spacing**2
 
 
 @compiled_with(ONCE)
-def _linearise(model: AbstractModel, family: LatticeFamily, F: Float[Array, "states dim dim"], count: Array) -> Any:
+def _linearise(
+    model: AbstractModel, family: LatticeFamily, F: Float[Array, "states dim dim"], count: Array
+) -> Tangent | Array:
     """The tangents of a point-state model, or the cosine series of any other model, at the first `count` states F."""
     dim, bonds = family.dim, len(family.influence)
 
@@ -86,12 +96,12 @@ def _linearise(model: AbstractModel, family: LatticeFamily, F: Float[Array, "sta
         return series(homogeneous_tangent(model, family, F), dim, bonds)
 
     kind = tangent_kind(model)
-    if kind is StateTangent:
+    if kind.series_on_host:
         return jax.vmap(lambda F: homogeneous_tangent(model, family, F))(F)
-    if kind is not DenseTangent:
+    if not kind.one_by_one:
         return jax.vmap(one)(F)
-    # A dense tangent takes much time and memory. The loop computes one after the other, and only the first `count`.
-    blank = jnp.zeros((len(F), len(reached(dim, bonds, 2)), dim, dim), F.dtype)
+    # The loop computes one state after the other, and only the first `count`.
+    blank = jnp.zeros((len(F), len(reached(dim, bonds, kind.rings)), dim, dim), F.dtype)
     return jax.lax.fori_loop(0, count, lambda i, out: out.at[i].set(one(F[i])), blank)
 
 
@@ -103,9 +113,9 @@ def linearised(model: AbstractModel, family: LatticeFamily, F: np.ndarray) -> St
 
     def make():
         out = computed_in_double(_linearise, model, family, every, np.asarray(count + 1))
-        if isinstance(out, StateTangent):
-            each = zip(out.b, out.g, out.r, strict=True)
-            out = np.stack([series_of_state(*parts) for parts in itertools.islice(each, count + 1)])
+        if tangent_kind(model).series_on_host:
+            states = [jax.tree.map(lambda x, i=i: x[i], out) for i in range(count + 1)]
+            out = np.stack([series(state, dim, len(family.influence)) for state in states])
         offsets, h = offsets_of(model, family), float(family.spacing)
         return States(out[1 : count + 1], offsets, float(modulus_of(out[0], offsets, h)), h)
 
@@ -158,7 +168,7 @@ def checked_states(model: AbstractModel, family: LatticeFamily, F: np.ndarray) -
     check_model(model, family, LatticeFamily)
     states = linearised(model, family, F)
     remember(family, ("modulus", value_key(model)), lambda: states.modulus)
-    check_modulus(model, states.modulus)
+    check_modulus(model, float(states.modulus))
     return states
 
 
@@ -206,22 +216,22 @@ def symbol(model: AbstractModel, family: LatticeFamily, F, k) -> Float[Array, "*
     """
     check_model(model, family, LatticeFamily)
     F = deformation_gradient(F, family.dim)
-    k = _wave_vectors(k, family.dim, F.dtype)
+    k = wave_vectors(k, family.dim, F.dtype)
     if is_concrete(model, family, F, k):
         states = linearised(model, family, np.asarray(F)[None])
         return on_device(symbols(states.blocks[0], states.offsets, k * states.spacing))
     return _symbol(model, family, F, k)
 
 
-def _wave_vectors(k: Any, dim: int, dtype: Any) -> Any:
-    k = jnp.asarray(k, dtype=dtype) if not is_concrete(k) else np.asarray(k, dtype=dtype)
-    if k.ndim == 0 or k.shape[-1] != dim:
-        raise ValueError(f"k must have shape (..., {dim}) for this family; got {k.shape}")
-    if is_concrete(k):
-        if not np.isfinite(k).all():
-            raise ValueError("k must be finite")
-        return k
-    return require(k, jnp.isfinite(k), "k must be finite")
+def wave_vectors(k, dim: int, dtype: DTypeLike, listed: bool = False) -> Numbers:
+    """`k` as an array of finite wave vectors (..., dim). If `listed`, (waves, dim); in 1D also given as (waves,)."""
+    xp = namespace(k)
+    k = xp.asarray(k, dtype)
+    if listed and k.ndim == dim == 1:
+        k = k[:, None]
+    if k.ndim == 0 or k.shape[-1] != dim or (listed and k.ndim != 2):
+        raise ValueError(f"k must have shape ({'waves' if listed else '...'}, {dim}) for this family; got {k.shape}")
+    return require(k, xp.isfinite(k), "k must be finite")
 
 
 @eqx.filter_jit

@@ -13,7 +13,7 @@ import zipfile
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path as FilePath
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
@@ -235,13 +235,15 @@ def _evaluated(job: "_Job", make: Callable, path: Path, mesh: Mesh | None) -> li
     criteria on several devices, are evaluated in one program of the model.
     """
     family, zone, model = job.family, job.zone, make(job.m[0])
-    found: dict[str, Any] = {}
+    found: dict[str, tuple] = {}
     able = _from_series(model, job.names, mesh)
     if able:
         blocks = computed_in_double(_linearised_chunk, job.m, job.a, np.asarray(False), family, make, path)
         states = States(blocks, offsets_of(model, family), job.modulus, float(family.spacing))
-        found = {name: from_states(name, model, family, states, zone) for name in able}
-        found = {n: (o.margin, o.eigenvalue, margin_tolerance(job.m.dtype, o.scale)) for n, o in found.items()}
+        out = {name: from_states(name, model, family, states, zone) for name in able}
+        found = {
+            n: (o.margin, o.eigenvalue, margin_tolerance(job.m.dtype, o.scale)) for n, o in out.items() if o is not None
+        }
     rest = tuple(n for n in job.names if n not in found)
     if rest:
         chunk = _few_states if job.out.shape[-1] <= _FEW else _many_states
@@ -352,7 +354,8 @@ def stability_map(
     model : callable, optional
         Function m → model, where m stands for any one parameter (a strength, a modulus, an order).
     path : callable, optional
-        Load path (a, model, family) → F, such as `hydrostatic`.
+        Load path: a function (a, model, family) → F, such as `hydrostatic`. Names are not accepted. `PATHS` holds the
+        functions behind the names of the command line, as in `pd.PATHS["uniaxial-stress"]`.
     criterion : str, optional
         Criterion of the map, see `stability`.
     lines : sequence of str, optional
@@ -391,12 +394,15 @@ def stability_map(
     >>> grid.verdict.tolist()
     [['stable', 'unstable'], ['unstable', 'stable']]
     """
-    if (law is None) == (model is None):
+    if law is not None and model is None:
+        make: Callable = _SethHillOf(law)
+    elif law is None and model is not None:
+        make = model
+    else:
         raise ValueError(
             "a law is needed, such as pd.LinearElastic(lam=1.0, mu=1.0), or a model, which is a function m -> pdjax"
             " model, but not both"
         )
-    make: Callable = _SethHillOf(law) if model is None else model  # type: ignore[arg-type]
     orders, loads = _axis("m", m), _axis("a", a)
     horizons = np.atleast_1d(finite("N", N))
     names = tuple(choice("criterion", c, list(CRITERIA)) for c in (criterion, *lines))

@@ -13,24 +13,26 @@ a > −1. For any other path only the inversion symmetry is used, which always h
 
 import functools
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import optimistix as optx
+from jax.typing import ArrayLike
 from jaxtyping import Array, Float
 
 from .._internal.checks import is_concrete
+from .._internal.implicit_step import implicit_root
 from .._internal.public import public_function
 from ..force.fields import affine_stress
 from ..geometry.bonds import LatticeFamily
 from ..models.base import AbstractModel
 
-Path = Callable[[Any, AbstractModel, LatticeFamily], Float[Array, "dim dim"]]
+Path = Callable[[Array, AbstractModel, LatticeFamily], Float[Array, "dim dim"]]
 
 
-def check_stretch(a: Any) -> None:
+def check_stretch(a: ArrayLike) -> None:
     """Raise ValueError for concrete loads whose stretch 1 + a is not positive."""
     if is_concrete(a):
         loads = np.atleast_1d(np.asarray(a, dtype=float))
@@ -206,12 +208,7 @@ def uniaxial_stress(a, model: AbstractModel, family: LatticeFamily) -> Float[Arr
     )
     exists = found.result == optx.RESULTS.successful
     at = jnp.where(exists, found.value, 0.0)
-    # One Newton step from the root carries the derivatives of the implicit function theorem. Two steps make them exact
-    # up to the third order.
-    log_b = at
-    for _ in range(2):
-        value, slope = jax.jvp(lambda b: lateral_stress(b, a, model, family), (log_b,), (jnp.ones_like(at),))
-        log_b = log_b - value / slope
+    log_b = implicit_root(lambda b: lateral_stress(b, a, model, family), at, order=3)
     return stretched(jnp.where(exists, log_b, jnp.nan), a)
 
 
@@ -257,6 +254,7 @@ PATHS: dict[str, Path] = {
     "uniaxial-stress": uniaxial_stress,
     "simple-shear": simple_shear,
 }
+"""The load paths by their names on the command line. Functions such as `critical_load` take the path, not its name."""
 
 
 def path_symmetry(path: Path, family: LatticeFamily, isotropic: bool) -> str:

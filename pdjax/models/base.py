@@ -28,12 +28,12 @@ operation separately, a hundred programs for one number. `one_program` compiles 
 import functools
 import inspect
 from collections.abc import Callable
-from typing import Any, ClassVar, NamedTuple
+from typing import ClassVar, NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, PyTree
 
 from .._internal.checks import floats_to_arrays, inside_jit, is_concrete
 from .._internal.shown import shown
@@ -58,8 +58,8 @@ PROMISES = (
 class Sums(NamedTuple):
     """Sums over a family: the two trees of `moments` summed over its bonds, its horizon, and the dimension."""
 
-    reference: Any
-    deformed: Any
+    reference: PyTree
+    deformed: PyTree
     horizon: Array
     dim: int
 
@@ -115,6 +115,8 @@ class AbstractModel(eqx.Module):
     shared : tuple of str
         Names of the fields that hold an array which all points of a body share. Any other array whose first axis is as
         long as the body has points holds one value for each point.
+    one_number : tuple of str
+        Names of the fields that hold one number, or one number for each point of a body. pdjax refuses any other shape.
 
     Examples
     --------
@@ -140,6 +142,7 @@ class AbstractModel(eqx.Module):
     degree: ClassVar[int] = 0
     dims: ClassVar[tuple[int, ...]] = (1, 2, 3)
     shared: ClassVar[tuple[str, ...]] = ()  # names of fields that hold an array which all points share
+    one_number: ClassVar[tuple[str, ...]] = ()  # names of fields that hold one number, or one for each point
 
     def __init_subclass__(cls, **kwargs):
         super().__init_subclass__(**kwargs)
@@ -241,12 +244,12 @@ class PointStateModel(AbstractModel):
 
     by_state: ClassVar[bool] = True
 
-    def moments(self, bond: Bonds) -> tuple[Any, Any]:
+    def moments(self, bond: Bonds) -> tuple[PyTree, PyTree]:
         """Contribution of one bond (ξ (dim,), η (dim,), ω, V scalars) to the sums of its family: a tree that depends on
         the reference configuration alone, and a tree of the deformation. A bond with ω = 0 contributes 0."""
         raise NotImplementedError
 
-    def state(self, sums: Sums) -> Any:
+    def state(self, sums: Sums) -> PyTree:
         """A of a family from its sums."""
         raise NotImplementedError
 
@@ -255,13 +258,13 @@ class PointStateModel(AbstractModel):
         """Whether the point state is made from sums over single bonds."""
         return type(self).moments is not PointStateModel.moments
 
-    def point_state(self, bonds: Bonds) -> Any:
+    def point_state(self, bonds: Bonds) -> PyTree:
         """A: an array or a tree of arrays, from sums over the family."""
         each = jax.vmap(self.moments, (EACH_BOND,))(bonds)
         reference, deformed = jax.tree.map(lambda x: jnp.sum(x, axis=0), each)
         return self.state(Sums(reference, deformed, bonds.horizon, bonds.xi.shape[-1]))
 
-    def bond_force(self, here: Any, there: Any, bond: Bonds) -> Float[Array, " dim"]:
+    def bond_force(self, here: PyTree, there: PyTree, bond: Bonds) -> Float[Array, " dim"]:
         """t [force/length^(2 dim)] on one bond (ξ (dim,), η (dim,), ω, V scalars)."""
         raise NotImplementedError
 
@@ -294,11 +297,11 @@ class TwoStageModel(AbstractModel):
     rings: ClassVar[int] = 3
     needs_other_end: ClassVar[bool] = True
 
-    def point_state(self, bonds: Bonds) -> Any:
+    def point_state(self, bonds: Bonds) -> PyTree:
         """A: an array or a tree of arrays, from sums over the family, linear in η."""
         raise NotImplementedError
 
-    def bond_energy(self, here: Any, there: Any, bond: Bonds) -> Float[Array, ""]:
+    def bond_energy(self, here: PyTree, there: PyTree, bond: Bonds) -> Float[Array, ""]:
         """φ [energy/length^dim], the part of W that one bond brings (ξ (dim,), η (dim,), ω, V scalars)."""
         raise NotImplementedError
 

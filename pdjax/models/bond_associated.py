@@ -38,6 +38,7 @@ class _SubFamilies(GradientModel):
     """Kinematics of sub-families of reach r δ, with r > 0 [-]."""
 
     r: Float[Array, "..."] = eqx.field(converter=as_real, default=1.0)
+    one_number: ClassVar[tuple[str, ...]] = ("r",)
 
     def __check_init__(self):
         check_positive("r", self.r)

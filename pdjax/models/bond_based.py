@@ -21,7 +21,7 @@ f_ij = t(c_i) + t(c_j), the derivative of the energy Σ V_i W_i. It equals the f
 Sources: Silling 2000; Silling & Askari 2005; Gerstle et al. 2005.
 """
 
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -74,6 +74,7 @@ class BondBased(PointStateModel):
 
     c: Float[Array, "..."] = eqx.field(converter=as_real)
     m: Float[Array, "..."] | None = eqx.field(converter=lambda m: m if m is None else as_real(m), default=None)
+    one_number: ClassVar[tuple[str, ...]] = ("c", "m")
     moduli_exact: ClassVar[bool] = False
     rings: ClassVar[int] = 1
     additive: ClassVar[bool] = True
@@ -213,14 +214,12 @@ class BondBased(PointStateModel):
             raise ValueError(
                 f"family must be a LatticeFamily (lattice_family) or Families (families); got {type(family).__name__}"
             )
-        body = isinstance(family, Families)
         if isinstance(family, Families):
             family.need_arrays()
         bulk = as_real(bulk)
         xp = namespace(bulk, family)
-        known: Any
         bulk, known = on_host((bulk, family)) if xp is np else (bulk, family)
-        volume = known.volumes[known.neighbours] if body else known.spacing**family.dim
+        volume = known.volumes[known.neighbours] if isinstance(known, Families) else known.spacing**family.dim
         w = known.influence * known.weight * volume
         total = xp.sum(w * xp.linalg.norm(known.xi, axis=-1), axis=-1)
         require(
@@ -240,13 +239,13 @@ class BondBased(PointStateModel):
         e = stretch_minus_one(xi, eta) if self.m is None else seth_hill(log_stretch(xi, eta), self.m)
         return 0.25 * self.c * jnp.sum(bonds.omega * bonds.volume * jnp.linalg.norm(xi, axis=1) * e**2)
 
-    def moments(self, bond: Bonds) -> tuple[Any, Any]:
+    def moments(self, bond: Bonds) -> tuple[tuple[()], tuple[()]]:
         return (), ()
 
-    def state(self, sums: Sums) -> Any:
+    def state(self, sums: Sums) -> tuple[()]:
         return ()
 
-    def bond_force(self, here: Any, there: Any, bond: Bonds) -> Float[Array, " dim"]:
+    def bond_force(self, here: tuple[()], there: tuple[()], bond: Bonds) -> Float[Array, " dim"]:
         scale = 0.5 * self.c * bond.omega / jnp.sqrt(jnp.dot(bond.xi, bond.xi))
         if self.m is None:
             e = stretch_minus_one(bond.xi, bond.eta)

@@ -24,12 +24,13 @@ Sources: Silling 2017; Wan et al. 2019; Littlewood 2010.
 
 import math
 from collections.abc import Callable
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jax.typing import DTypeLike
+from jaxtyping import Array, Float, PyTree
 
 from .._internal.checks import as_real, namespace, on_host, require
 from .._internal.shown import shown
@@ -37,7 +38,7 @@ from ..geometry.bonds import Bonds
 from .base import Sums
 from .kinematics import displacement_gradient, gradient_of_moments, shape_tensor_K, solve_positive
 
-Tangent = Callable[[Any], Float[Array, "dim dim"]]
+Tangent = Callable[[Array | np.ndarray], Float[Array, "dim dim"]]
 
 
 def micromodulus(bulk, horizon, dim: int):
@@ -48,13 +49,13 @@ def micromodulus(bulk, horizon, dim: int):
     return bulk * {3: 18 / math.pi, 2: 12 / math.pi, 1: 2.0}[dim] / horizon ** (dim + 1)
 
 
-def bulk_modulus(tangent: Tangent, dim: int, dtype: Any) -> Float[Array, ""]:
+def bulk_modulus(tangent: Tangent, dim: int, dtype: DTypeLike) -> Float[Array, ""]:
     """k = ℂ_iijj/d² [pressure], the d-dimensional bulk modulus of a law's tangent at rest."""
     I = np.eye(dim, dtype=dtype)
     return jnp.tensordot(I, tangent(I), 2) / dim**2
 
 
-def _positive(name: str, value: Any) -> Array:
+def _positive(name: str, value: object) -> Array:
     value = as_real(value)
     xp, number = namespace(value), on_host(value)
     return require(value, xp.isfinite(number) & (number >= 0), f"{name} must be finite and >= 0; got {value}")
@@ -72,18 +73,19 @@ class Control(eqx.Module):
     objective: ClassVar[bool] = True
     degree: ClassVar[int] = 1
     own_moments: ClassVar[bool] = False
+    one_number: ClassVar[tuple[str, ...]] = ()  # names of fields that hold one number, or one for each point
 
     def __repr__(self) -> str:
         return shown(self)
 
-    def moments(self, bond: Bonds) -> tuple[Any, Any]:
+    def moments(self, bond: Bonds) -> tuple[PyTree, PyTree]:
         """The terms of one bond in the sums of the control's own, (reference, deformed)."""
         raise NotImplementedError
 
-    def state(self, sums: Sums, tangent: Tangent, *own: Sums) -> Any:
+    def state(self, sums: Sums, tangent: Tangent, *own: Sums) -> PyTree:
         raise NotImplementedError
 
-    def force(self, state: Any, bond: Bonds) -> Float[Array, " dim"]:
+    def force(self, state: PyTree, bond: Bonds) -> Float[Array, " dim"]:
         """The contribution of the control to T on one bond [force/length^(2 dim)]."""
         raise NotImplementedError
 
@@ -126,15 +128,16 @@ class SillingControl(Control):
     """
 
     g: Float[Array, "..."] = eqx.field(converter=lambda g: _positive("g", g), default=0.5)
+    one_number: ClassVar[tuple[str, ...]] = ("g",)
 
     def _stiffness(self, horizon: Array, tangent: Tangent, dim: int) -> Array:
         return self.g * micromodulus(bulk_modulus(tangent, dim, horizon.dtype), horizon, dim) / horizon
 
-    def state(self, sums: Sums, tangent: Tangent, *own: Sums) -> Any:
+    def state(self, sums: Sums, tangent: Tangent, *own: Sums) -> tuple[Array, Array]:
         stiffness = self._stiffness(sums.horizon, tangent, sums.dim)
         return stiffness * gradient_of_moments(sums.reference, sums.deformed), stiffness
 
-    def force(self, state: Any, bond: Bonds) -> Float[Array, " dim"]:
+    def force(self, state: tuple[Array, Array], bond: Bonds) -> Float[Array, " dim"]:
         pull, stiffness = state
         return bond.omega * (stiffness * bond.eta - pull @ bond.xi)
 
@@ -168,11 +171,11 @@ class WanControl(Control):
 
     objective: ClassVar[bool] = False
 
-    def state(self, sums: Sums, tangent: Tangent, *own: Sums) -> Any:
+    def state(self, sums: Sums, tangent: Tangent, *own: Sums) -> tuple[Array, Array]:
         stiffness = _stiffness_of_wan(sums.reference, tangent)
         return stiffness @ gradient_of_moments(sums.reference, sums.deformed), stiffness
 
-    def force(self, state: Any, bond: Bonds) -> Float[Array, " dim"]:
+    def force(self, state: tuple[Array, Array], bond: Bonds) -> Float[Array, " dim"]:
         pull, stiffness = state
         return bond.omega * (stiffness @ bond.eta - pull @ bond.xi)
 
@@ -210,14 +213,15 @@ class LittlewoodControl(Control):
     """
 
     C: Float[Array, "..."] = eqx.field(converter=lambda C: _positive("C", C), default=0.03)
+    one_number: ClassVar[tuple[str, ...]] = ("C",)
     degree: ClassVar[int] = 0
     hyperelastic: ClassVar[bool] = False
 
-    def state(self, sums: Sums, tangent: Tangent, *own: Sums) -> Any:
+    def state(self, sums: Sums, tangent: Tangent, *own: Sums) -> tuple[Array, Array]:
         strength = self.C * micromodulus(bulk_modulus(tangent, sums.dim, sums.horizon.dtype), sums.horizon, sums.dim)
         return strength * gradient_of_moments(sums.reference, sums.deformed), strength
 
-    def force(self, state: Any, bond: Bonds) -> Float[Array, " dim"]:
+    def force(self, state: tuple[Array, Array], bond: Bonds) -> Float[Array, " dim"]:
         pull, strength = state
         Y = bond.xi + bond.eta
         # The published force has no ω, so bonds without weight (padded or broken ones) are set to zero here.

@@ -7,11 +7,11 @@ Every model can be graded. Most promises of the graded model are those of the mo
 
 from collections.abc import Callable
 from operator import attrgetter
-from typing import Any
+from typing import ClassVar
 
 import equinox as eqx
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, PyTree
 
 from .._internal.checks import as_real, is_concrete
 from .._internal.public import public_function
@@ -24,6 +24,7 @@ class _Graded(AbstractModel):
 
     base: AbstractModel
     factor: Float[Array, "..."] = eqx.field(converter=as_real)
+    one_number: ClassVar[tuple[str, ...]] = ("factor",)
 
     @property
     def isotropic(self) -> bool:
@@ -56,31 +57,35 @@ class GradedEnergy(_Graded):
 class GradedState(_Graded, PointStateModel):
     """Graded form of a model that defines point state and bond force; the factor multiplies the bond force."""
 
-    def point_state(self, bonds: Bonds) -> Any:
-        return self.base.point_state(bonds)  # type: ignore[attr-defined]
+    base: PointStateModel
 
-    def moments(self, bond: Bonds) -> tuple[Any, Any]:
-        return self.base.moments(bond)  # type: ignore[attr-defined]
+    def point_state(self, bonds: Bonds) -> PyTree:
+        return self.base.point_state(bonds)
 
-    def state(self, sums: Sums) -> Any:
-        return self.base.state(sums)  # type: ignore[attr-defined]
+    def moments(self, bond: Bonds) -> tuple[PyTree, PyTree]:
+        return self.base.moments(bond)
+
+    def state(self, sums: Sums) -> PyTree:
+        return self.base.state(sums)
 
     @property
     def by_moments(self) -> bool:
         return self.base.by_moments
 
-    def bond_force(self, here: Any, there: Any, bond: Bonds) -> Float[Array, " dim"]:
-        return self.factor * self.base.bond_force(here, there, bond)  # type: ignore[attr-defined]
+    def bond_force(self, here: PyTree, there: PyTree, bond: Bonds) -> Float[Array, " dim"]:
+        return self.factor * self.base.bond_force(here, there, bond)
 
 
 class GradedTwoStage(_Graded, TwoStageModel):
     """Graded form of a two-stage model: a bond's energy gets the factor of the point that it belongs to."""
 
-    def point_state(self, bonds: Bonds) -> Any:
-        return self.base.point_state(bonds)  # type: ignore[attr-defined]
+    base: TwoStageModel
 
-    def bond_energy(self, here: Any, there: Any, bond: Bonds) -> Float[Array, ""]:
-        return self.factor * self.base.bond_energy(here, there, bond)  # type: ignore[attr-defined]
+    def point_state(self, bonds: Bonds) -> PyTree:
+        return self.base.point_state(bonds)
+
+    def bond_energy(self, here: PyTree, there: PyTree, bond: Bonds) -> Float[Array, ""]:
+        return self.factor * self.base.bond_energy(here, there, bond)
 
 
 # These promises are not those of the model inside: the factor multiplies the bond force and not the point state, so the
@@ -127,5 +132,8 @@ def graded(model: AbstractModel, factor) -> AbstractModel:
         value = np.asarray(factor)
         if not (np.isfinite(value) & (value > 0)).all():
             raise ValueError("factor of a graded model must be finite and > 0 everywhere")
-    kinds = ((PointStateModel, GradedState), (TwoStageModel, GradedTwoStage), (AbstractModel, GradedEnergy))
-    return next(graded for kind, graded in kinds if isinstance(model, kind))(model, factor)
+    if isinstance(model, PointStateModel):
+        return GradedState(model, factor)
+    if isinstance(model, TwoStageModel):
+        return GradedTwoStage(model, factor)
+    return GradedEnergy(model, factor)

@@ -235,13 +235,13 @@ def solve_positive(A: Float[Array, "n n"], b: Array) -> Array:
     on two cores it was seen to hang at 5·10⁴ of them (jax 0.10: its threads wait for each other).
     """
     n = A.shape[0]
-    L: list[list[Any]] = [[0.0] * n for _ in range(n)]
-    D: list[Any] = []
+    L: list[list[Array | float]] = [[0.0] * n for _ in range(n)]
+    D: list[Array] = []
     for i in range(n):
         for j in range(i):
             L[i][j] = (A[i, j] - sum(L[i][k] * D[k] * L[j][k] for k in range(j))) / D[j]
         D.append(A[i, i] - sum(L[i][k] ** 2 * D[k] for k in range(i)))
-    x: list[Any] = []
+    x: list[Array] = []
     for i in range(n):
         x.append(b[i] - sum(L[i][k] * x[k] for k in range(i)))
     x = [value / pivot for value, pivot in zip(x, D, strict=True)]
@@ -329,9 +329,10 @@ def local_strain(F: Float[Array, "dim dim"], m) -> Float[Array, "dim dim"]:
 
     Notes
     -----
-    The computation uses no eigenvectors, so its derivatives are smooth where principal stretches are equal. With
-    μ = (det C)^{1/d} and X = C/μ, it takes log C = log μ I + log X, where log X = ∫₀¹ (X − I)(I + t(X − I))⁻¹ dt by 48
-    Gauss–Legendre points (the diagonal Padé approximant). Then E_m = ½ log C φ(m log C), with φ from its matrix series
+    The computation uses no eigenvectors, so its derivatives are smooth where principal stretches are equal. In
+    dimension d, C = c X, where c = (det C)^{1/d} is the mean squared stretch and X has the determinant 1. Then
+    log C = log c I + log X, where log X = ∫₀¹ (X − I)(I + t(X − I))⁻¹ dt by 48 Gauss–Legendre points (the diagonal Padé
+    approximant). Finally E_m = ½ log C φ(m log C), with φ from its matrix series
     by scaling and squaring. The error is of the size of rounding, 1e-13, for ratios of principal stretches up to 5
     (tests).
 

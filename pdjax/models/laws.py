@@ -18,16 +18,19 @@ determinant of the 2D F.
 """
 
 from collections.abc import Callable
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jax.typing import ArrayLike
+from jaxtyping import Array, Float, PyTree
 
 from .._internal.checks import as_real, check_positive, choice, floats_to_arrays, is_concrete
+from .._internal.implicit_step import implicit_root
 from .._internal.shown import shown
+from .plane import check_young_and_poisson
 
 
 def _trace(A: Float[Array, "dim dim"]) -> Float[Array, ""]:
@@ -49,6 +52,8 @@ class Law(eqx.Module):
     isotropic : bool
         True promises that the law prefers no direction. pdjax then uses the symmetry of the lattice to search fewer
         wave vectors. If in doubt, set False.
+    one_number : tuple of str
+        Names of the fields that hold one number, or one number for each point of a body. pdjax refuses any other shape.
 
     Examples
     --------
@@ -63,6 +68,7 @@ class Law(eqx.Module):
 
     takes: eqx.AbstractVar[str]
     isotropic: eqx.AbstractVar[bool]
+    one_number: ClassVar[tuple[str, ...]] = ()
 
     def __check_init__(self):
         floats_to_arrays(self)
@@ -86,17 +92,15 @@ class Law(eqx.Module):
         raise NotImplementedError
 
 
-def lame_constants(young: Any = None, poisson: Any = None, bulk: Any = None, shear: Any = None) -> tuple[Any, Any]:
-    """(λ, μ) [pressure] of the 3D solid from Young's modulus and Poisson's ratio, or from bulk and shear modulus.
+def _lame_of_young(young, poisson) -> tuple[ArrayLike, ArrayLike]:
+    """(λ, μ) [pressure] of the 3D solid. ValueError for E ≤ 0 or ν outside (−1, ½), unless the values are traced."""
+    check_young_and_poisson(young, poisson, ("E", "nu"))
+    mu = young / (2 * (1 + poisson))
+    return 2 * mu * poisson / (1 - 2 * poisson), mu
 
-    It raises ValueError for E ≤ 0, ν outside (−1, ½), K ≤ 0 or G < 0, unless the values are traced.
-    """
-    if bulk is None:
-        check_positive("E", young)
-        if is_concrete(poisson) and not np.all((np.asarray(poisson) > -1) & (np.asarray(poisson) < 0.5)):
-            raise ValueError(f"nu must lie between −1 and ½, because other solids are unstable; got {poisson}")
-        mu = young / (2 * (1 + poisson))
-        return 2 * mu * poisson / (1 - 2 * poisson), mu
+
+def _lame_of_bulk(bulk, shear) -> tuple[ArrayLike, ArrayLike]:
+    """(λ, μ) [pressure] of the 3D solid. ValueError for K ≤ 0 or G < 0, unless the values are traced."""
     check_positive("K", bulk)
     if is_concrete(shear) and not np.all(np.isfinite(np.asarray(shear)) & (np.asarray(shear) >= 0)):
         raise ValueError(f"G must be finite and >= 0; got {shear}")
@@ -133,8 +137,9 @@ class LinearElastic(Law):
 
     lam: Float[Array, "..."] = eqx.field(converter=as_real)
     mu: Float[Array, "..."] = eqx.field(converter=as_real)
-    takes: ClassVar[str] = "E"  # type: ignore[misc]
-    isotropic: ClassVar[bool] = True  # type: ignore[misc]
+    one_number: ClassVar[tuple[str, ...]] = ("lam", "mu")
+    takes = "E"
+    isotropic = True
 
     @classmethod
     def from_young(cls, E, nu, plane: str = "strain") -> "LinearElastic":
@@ -167,7 +172,7 @@ class LinearElastic(Law):
         >>> round(float(pd.LinearElastic.from_young(E=1.0, nu=0.25, plane="stress").lam), 4)
         0.2667
         """
-        return cls._of(*lame_constants(E, nu), plane)
+        return cls._of(*_lame_of_young(E, nu), plane)
 
     @classmethod
     def from_bulk(cls, K, G, plane: str = "strain") -> "LinearElastic":
@@ -197,7 +202,7 @@ class LinearElastic(Law):
         >>> pd.LinearElastic.from_bulk(K=3.0, G=1.5)
         LinearElastic(lam=2.0, mu=1.5)
         """
-        return cls._of(*lame_constants(bulk=K, shear=G), plane)
+        return cls._of(*_lame_of_bulk(K, G), plane)
 
     @classmethod
     def _of(cls, lam, mu, plane: str) -> "LinearElastic":
@@ -240,8 +245,9 @@ class NeoHookean(Law):
     lam: Float[Array, "..."] = eqx.field(converter=as_real)
     mu: Float[Array, "..."] = eqx.field(converter=as_real)
     plane: str = eqx.field(static=True, default="strain")
-    takes: ClassVar[str] = "F"  # type: ignore[misc]
-    isotropic: ClassVar[bool] = True  # type: ignore[misc]
+    one_number: ClassVar[tuple[str, ...]] = ("lam", "mu")
+    takes = "F"
+    isotropic = True
 
     def __check_init__(self):
         choice("plane", self.plane, PLANES)
@@ -274,7 +280,7 @@ class NeoHookean(Law):
         >>> pd.NeoHookean.from_young(E=1.0, nu=0.25)
         NeoHookean(lam=0.4, mu=0.4, plane='strain')
         """
-        return cls(*lame_constants(E, nu), plane)  # type: ignore[call-arg, arg-type]
+        return cls(*_lame_of_young(E, nu), plane)  # type: ignore[call-arg, arg-type]
 
     @classmethod
     def from_bulk(cls, K, G, plane: str = "strain") -> "NeoHookean":
@@ -304,11 +310,11 @@ class NeoHookean(Law):
         >>> pd.NeoHookean.from_bulk(K=3.0, G=1.5, plane="stress")
         NeoHookean(lam=2.0, mu=1.5, plane='stress')
         """
-        return cls(*lame_constants(bulk=K, shear=G), plane)  # type: ignore[call-arg, arg-type]
+        return cls(*_lame_of_bulk(K, G), plane)  # type: ignore[call-arg, arg-type]
 
     def energy(self, tensor: Float[Array, "dim dim"]) -> Float[Array, ""]:
         log_J = jnp.log(jnp.linalg.det(tensor))
-        across: Any = None  # log F₃₃ in plane stress
+        across: Array | None = None  # log F₃₃ in plane stress
         if self.plane == "stress":
             if tensor.shape[0] != 2:
                 raise ValueError(f'plane="stress" is for bodies of dim 2; this one has dim {tensor.shape[0]}')
@@ -323,19 +329,22 @@ class NeoHookean(Law):
 def _log_stretch_across(lam: Array, mu: Array, log_J2: Array) -> Float[Array, ""]:
     """x = log F₃₃ of plane stress: the root of μ (e^{2x} − 1) + λ (x + log J₂), which is convex and grows with x.
 
-    Newton's method starts right of the root, where both terms are positive, and therefore stays on that side. Two more
-    steps from the converged root carry the exact derivatives of the implicit function theorem.
+    Newton's method starts right of the root, where both terms are positive, and therefore stays on that side. The
+    derivatives of the root are exact up to the third order.
     """
 
-    def step(x, lam, mu, log_J2):
-        return x - (mu * jnp.expm1(2 * x) + lam * (x + log_J2)) / (2 * mu * jnp.exp(2 * x) + lam)
+    def residual(x, lam, mu, log_J2):
+        return mu * jnp.expm1(2 * x) + lam * (x + log_J2)
 
     frozen = jax.lax.stop_gradient((lam, mu, log_J2))
-    x = jnp.maximum(0.0, -frozen[2])
-    x = jax.lax.fori_loop(0, 60, lambda _, x: step(x, *frozen), jax.lax.stop_gradient(x))
-    for _ in range(2):
-        x = step(x, lam, mu, log_J2)
-    return x
+    start = jnp.maximum(0.0, -frozen[2])
+
+    def newton(_, x):
+        lam, mu, _ = frozen
+        return x - residual(x, *frozen) / (2 * mu * jnp.exp(2 * x) + lam)
+
+    x = jax.lax.fori_loop(0, 60, newton, start)
+    return implicit_root(lambda x: residual(x, lam, mu, log_J2), x, order=3)
 
 
 class EnergyLaw(Law):
@@ -372,9 +381,9 @@ class EnergyLaw(Law):
     EnergyLaw(function=stiffening, takes='E', constants={'b': 5.0, 'k': 2.0}, isotropic=True)
     """
 
-    function: Callable[[Any, Any], Any] = eqx.field(static=True)  # type: ignore[misc]
+    function: Callable[[Array, PyTree], Array] = eqx.field(static=True)  # type: ignore[misc]
     takes: str = eqx.field(static=True)
-    constants: Any = eqx.field(converter=lambda tree: jax.tree.map(as_real, tree), default=())
+    constants: PyTree = eqx.field(converter=lambda tree: jax.tree.map(as_real, tree), default=())
     isotropic: bool = eqx.field(static=True, default=False)
     shared: tuple[str, ...] = eqx.field(static=True, default=())
 

@@ -9,10 +9,10 @@ then the same for every horizon.
 """
 
 from collections.abc import Callable
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import jax
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, PyTree
 
 from .._internal.checks import as_real, deformation_gradient, is_concrete
 from .._internal.public import public_function
@@ -65,14 +65,14 @@ class Linearised(PointStateModel):
         """The bond in the homogeneous deformation x = F X."""
         return bond._replace(eta=self.F @ bond.xi - bond.xi)
 
-    def moments(self, bond: Bonds) -> tuple[Any, Any]:
+    def moments(self, bond: Bonds) -> tuple[PyTree, PyTree]:
         there = self._at_rest(bond)
         (reference, deformed), (_, change) = jax.jvp(
             lambda eta: self.base.moments(there._replace(eta=eta)), (there.eta,), (bond.eta,)
         )
         return (reference, deformed), change
 
-    def state(self, sums: Sums) -> Any:
+    def state(self, sums: Sums) -> tuple[PyTree, PyTree]:
         reference, deformed = sums.reference
 
         def state(moved):
@@ -80,7 +80,7 @@ class Linearised(PointStateModel):
 
         return jax.jvp(state, (deformed,), (sums.deformed,))
 
-    def bond_force(self, here: Any, there: Any, bond: Bonds) -> Float[Array, " dim"]:
+    def bond_force(self, here: tuple[PyTree, PyTree], there: PyTree, bond: Bonds) -> Float[Array, " dim"]:
         (state, change), at = here, self._at_rest(bond)
         _, direct = jax.jvp(
             lambda eta: self.base.bond_force(state, state, at._replace(eta=eta)), (at.eta,), (bond.eta,)

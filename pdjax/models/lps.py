@@ -70,6 +70,7 @@ class LPS(PointStateModel):
 
     bulk: Float[Array, "..."] = eqx.field(converter=as_real)
     shear: Float[Array, "..."] = eqx.field(converter=as_real)
+    one_number: ClassVar[tuple[str, ...]] = ("bulk", "shear")
     moduli_exact: ClassVar[bool] = False
     additive: ClassVar[bool] = True
     dims: ClassVar[tuple[int, ...]] = (2, 3)

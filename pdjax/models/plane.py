@@ -7,9 +7,10 @@ K, G, E and ν belong to the 3D solid; with its Lamé constants K = λ + 2μ/3 a
 cases. The first Lamé constant of the plane is k − G: it equals λ in plane strain.
 """
 
+import numpy as np
 from jaxtyping import Array
 
-from .._internal.checks import as_real, check_positive, choice, on_device, on_host, require
+from .._internal.checks import as_real, check_positive, choice, is_concrete, on_device, on_host, require
 from .._internal.public import public_function
 
 
@@ -52,10 +53,18 @@ def plane_bulk_modulus(bulk, shear, plane: str) -> Array:
     return on_device(bulk + shear / 3 if plane == "strain" else 9 * bulk * shear / (3 * bulk + 4 * shear))
 
 
+def check_young_and_poisson(young, poisson, names: tuple[str, str] = ("young", "poisson")) -> None:
+    """Raise ValueError for concrete constants that are not E > 0 and −1 < ν < ½. `names` are those of the arguments."""
+    check_positive(names[0], young)
+    if is_concrete(poisson):
+        nu = np.asarray(poisson)
+        wrong = f"{names[1]} must lie between -1 and 1/2, because other solids are unstable; got {poisson}"
+        require(poisson, (nu > -1) & (nu < 0.5), wrong)
+
+
 def bulk_and_shear(young, poisson) -> tuple[Array, Array]:
     """K and G [pressure] of a solid of Young's modulus E > 0 [pressure] and Poisson's ratio −1 < ν < ½ [-]."""
     young, poisson = as_real(young), as_real(poisson)
-    check_positive("young", young)
+    check_young_and_poisson(young, poisson)
     E, nu = on_host((young, poisson))
-    require(poisson, (nu > -1) & (nu < 0.5), f"poisson must lie between -1 and 1/2; got {poisson}")
     return on_device((E / (3 * (1 - 2 * nu)), E / (2 * (1 + nu))))

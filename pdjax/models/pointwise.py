@@ -12,22 +12,24 @@ empty family are 0 by convention, because the effect of a first bond depends on 
 """
 
 import math
-from typing import Any
+from typing import TypeVar
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool
+from jaxtyping import Array, Bool, PyTree
 
 from ..geometry.bonds import Bonds
 from .base import AbstractModel
 
+Model = TypeVar("Model", bound=AbstractModel)
 
-def _is_shared(model: Any, path: tuple) -> bool:
+
+def _is_shared(model: AbstractModel, path: tuple) -> bool:
     """Whether a module along the path declares this constant as an array that all points share."""
     names = [getattr(key, "name", getattr(key, "key", None)) for key in path]
-    node = model
+    node: object = model
     for i, name in enumerate(names):
         if isinstance(node, eqx.Module):
             if set(names[i:]) & set(getattr(node, "shared", ())):
@@ -38,10 +40,10 @@ def _is_shared(model: Any, path: tuple) -> bool:
     return False
 
 
-def split_model(model: AbstractModel, points: int) -> tuple[Any, Any]:
+def split_model(model: Model, points: int) -> tuple[Model, Model]:
     """(leaves that vary from point to point, everything else)."""
 
-    def varies(path: tuple, leaf: Any) -> bool:
+    def varies(path: tuple, leaf: PyTree) -> bool:
         long = eqx.is_array(leaf) and leaf.ndim > 0 and leaf.shape[0] == points
         return long and not _is_shared(model, path)
 
@@ -66,18 +68,18 @@ def regular(bonds: Bonds) -> tuple[Bonds, Bool[Array, " points"]]:
     return bonds._replace(xi=xi, eta=eta, omega=jnp.where(empty[:, None], 1, bonds.omega)), empty
 
 
-def none_if_empty(values: Any, empty: Bool[Array, " points"]) -> Any:
+def none_if_empty(values: PyTree, empty: Bool[Array, " points"]) -> PyTree:
     """A tree of arrays (points, …) with 0 where the family is empty."""
     return jax.tree.map(lambda x: jnp.where(empty.reshape(-1, *(1,) * (x.ndim - 1)), 0, x), values)
 
 
-def each_point(method: str, model: AbstractModel, bonds: Bonds) -> Any:
+def each_point(method: str, model: AbstractModel, bonds: Bonds) -> PyTree:
     """model.method(bonds) at every point, with that point's own constants; 0 for an empty family."""
     bonds, empty = regular(bonds)
     return none_if_empty(of_each_point(method, model, bonds), empty)
 
 
-def of_each_point(method: str, model: AbstractModel, bonds: Bonds) -> Any:
+def of_each_point(method: str, model: AbstractModel, bonds: Bonds) -> PyTree:
     """model.method(bonds) at every point of families that are `regular`."""
     varying, shared = split_model(model, bonds.xi.shape[0])
     return jax.vmap(lambda mine, b: getattr(eqx.combine(mine, shared), method)(b))(varying, bonds)

@@ -6,34 +6,33 @@ here, because the tests check their promises.
 """
 
 import math
-from typing import Any
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array
+from jaxtyping import Array, PyTree
 
 from .._internal.checks import is_concrete
 from ..geometry.bonds import Bonds
-from .base import PointStateModel, Sums
+from .base import AbstractModel, PointStateModel, Sums
 
 _MEANING = {
     "additive": "a bond's force is linear in the point state and t(A, −ξ, −η) = −t(A, ξ, η)",
     "even": "what a bond adds to the sums does not change if (ξ, η) becomes (−ξ, −η)",
     "degree": "the moments are polynomials of this degree in η, the bond force one of degree 1, both proportional to ω",
 }
-_KNOWN: set[Any] = set()  # keys of the models that have passed the check
+_KNOWN: set[tuple] = set()  # keys of the models that have passed the check
 
 
-def _own(model: Any) -> bool:
+def _own(model: eqx.Module) -> bool:
     """True if the package defines the class of the model and of each of its parts."""
     parts = jax.tree.leaves(model, is_leaf=lambda x: x is not model and isinstance(x, eqx.Module))
     mine = type(model).__module__.startswith("pdjax.")
     return mine and all(_own(part) for part in parts if isinstance(part, eqx.Module))
 
 
-def _off(found: Any, expected: Any) -> Array:
+def _off(found: PyTree, expected: PyTree) -> Array:
     """Largest difference of two trees, divided by their largest entry."""
     a, b = (jnp.concatenate([jnp.zeros(1), *(jnp.ravel(x) for x in jax.tree.leaves(t))]) for t in (found, expected))
     return jnp.max(jnp.abs(a - b)) / jnp.maximum(jnp.maximum(jnp.max(jnp.abs(a)), jnp.max(jnp.abs(b))), 1e-30)
@@ -81,12 +80,12 @@ def _deviations(model: PointStateModel, dim: int) -> dict[str, Array]:
     return out
 
 
-def check_promises(model: Any, dim: int) -> None:
+def check_promises(model: AbstractModel, dim: int) -> None:
     """Raise ValueError if a user's model breaks a promise that the force backends rely on.
 
     The message names the promise, its meaning, and what to declare instead. A model with traced values is not checked.
     """
-    if not is_concrete(model) or _own(model):
+    if not isinstance(model, PointStateModel) or not is_concrete(model) or _own(model):
         return
     leaves, structure = jax.tree.flatten(model)
     key = (structure, dim, tuple(np.asarray(x).tobytes() for x in leaves))

@@ -1,7 +1,7 @@
 """Reproducing-kernel correspondence, bond-associated: F̄ of a higher order than affine, corrected on each bond.
 
-    F̄ = I + Σ η⊗Φ,    Φ_j = w_j (1/δ) Q_∇ᵀ M⁻¹ Q(ξ_j/δ),    M = Σ w Q Qᵀ,    Q = the monomials of degree 1 to `order`
-    F_b = ½(F̄_i + F̄_j) corrected on the bond (`bond_level.mended`),    W_i = (1/ω₀) Σ w ψ(F_b),    w = ω V, ω₀ = Σ w
+    F̄ = I + Σ η⊗Φ,    Φ_j = w_j (1/δ) Q_∇ᵀ M⁻¹ Q(ξ_j/δ),    M = Σ w Q Qᵀ,    Q = the monomials of degree 1 to order
+    F_b = ½(F̄_i + F̄_j) corrected on the bond (bond_level.mended),    W_i = (1/ω₀) Σ w ψ(F_b),    w = ω V, ω₀ = Σ w
 
 Q_∇ᵀ selects the linear monomials. F̄ is then the gradient at ξ = 0 of the weighted least-squares polynomial through the
 family, and it is exact for polynomial fields of that order. Order 1 gives Φ = w K⁻¹ξ, which is `BondLevelAverage`. The

@@ -12,7 +12,8 @@ and for similarities at every m. Otherwise it is exact to first order in the str
 The two are equal in 1D. Inside a lattice the extended one is off by the lattice's anisotropy, and at a surface it is
 wrong.
 
-Sources: Tupek & Radovitzky 2014; Foster & Xu 2018; Behzadinasab & Foster, Eq. (TC).
+Sources: Tupek & Radovitzky 2014; Foster & Xu 2018; Behzadinasab & Foster, section 2, force state of the generalised
+model.
 """
 
 from typing import ClassVar
@@ -44,6 +45,8 @@ from .with_law import WithLaw
 
 class BondStrainModel(WithLaw):
     """Base of the models W = Ψ(Ē_m). A subclass defines the fourth-order shape tensor L."""
+
+    one_number: ClassVar[tuple[str, ...]] = ("m",)
 
     def __check_init__(self):
         if not isinstance(self.law, Law) or self.law.takes != "E":
@@ -127,7 +130,7 @@ class SethHill(BondStrainModel):
 
     References
     ----------
-    Foster & Xu 2018; Behzadinasab & Foster, Eq. (TC).
+    Foster & Xu 2018; Behzadinasab & Foster, section 2, force state of the generalised model.
 
     Examples
     --------

@@ -15,7 +15,7 @@ Source: Chowdhury et al. 2019.
 """
 
 import itertools
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import jax
 import jax.numpy as jnp
@@ -75,12 +75,12 @@ class SubHorizon(GradientModel, PointStateModel):
 
     even: ClassVar[bool] = False
 
-    def moments(self, bond: Bonds) -> tuple[Any, Any]:
+    def moments(self, bond: Bonds) -> tuple[tuple[Array, Array], Array]:
         share = sectors(bond.xi) * bond.omega * bond.volume
         K, M = (x[None] * share[:, None, None] for x in (jnp.outer(bond.xi, bond.xi), jnp.outer(bond.eta, bond.xi)))
         return (share, K), M
 
-    def _sums(self, bonds: Bonds) -> tuple[Any, Any]:
+    def _sums(self, bonds: Bonds) -> tuple[tuple[Array, Array], Array]:
         return jax.tree.map(lambda x: jnp.sum(x, axis=0), jax.vmap(self.moments, (EACH_BOND,))(bonds))
 
     def _kept(self, K: Float[Array, "sectors dim dim"]) -> Array:

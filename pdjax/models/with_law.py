@@ -8,11 +8,12 @@ The contributions of law and control add up:
 W is the energy density, T the force state and A the point state.
 """
 
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jax.typing import DTypeLike
+from jaxtyping import Array, Float, PyTree
 
 from ..geometry.bonds import Bonds
 from .base import PointStateModel, Sums
@@ -21,7 +22,7 @@ from .kinematics import gradient_moments
 from .laws import Law, law_stress
 
 
-def check_law(name: str, law: Any) -> None:
+def check_law(name: str, law: object) -> None:
     """Raise ValueError unless `law` is a `Law`."""
     if not isinstance(law, Law):
         raise ValueError(f"{name} needs a Law (LinearElastic, NeoHookean, EnergyLaw or your own); got {law!r}")
@@ -44,7 +45,7 @@ def stress_of_gradient(law: Law, H: Float[Array, "dim dim"]) -> Float[Array, "di
     return F @ law_stress(law, _green_lagrange(H)) if law.takes == "E" else law_stress(law, F)
 
 
-def tangent_at_rest(law: Law, dim: int, dtype: Any) -> Tangent:
+def tangent_at_rest(law: Law, dim: int, dtype: DTypeLike) -> Tangent:
     """The linear map A → ℂ:A [pressure] for A (dim, dim), with ℂ = ∂²ψ/∂F∂F of the law at F = I."""
     rest = jnp.zeros((dim, dim), dtype)
     return lambda A: jax.jvp(lambda H: stress_of_gradient(law, H), (rest,), (A.astype(dtype),))[1]
@@ -81,15 +82,15 @@ class WithLaw(PointStateModel):
         """W_law [energy/length^dim]."""
         raise NotImplementedError
 
-    def law_moments(self, bond: Bonds) -> tuple[Any, Any]:
+    def law_moments(self, bond: Bonds) -> tuple[PyTree, PyTree]:
         """The terms of one bond in the sums from which `law_state` makes A_law."""
         raise NotImplementedError
 
-    def law_state(self, sums: Sums) -> Any:
+    def law_state(self, sums: Sums) -> PyTree:
         """A_law, the point state of the law alone."""
         raise NotImplementedError
 
-    def law_force(self, here: Any, bond: Bonds) -> Float[Array, " dim"]:
+    def law_force(self, here: PyTree, bond: Bonds) -> Float[Array, " dim"]:
         """T_law on one bond [force/length^(2 dim)]."""
         raise NotImplementedError
 
@@ -99,7 +100,7 @@ class WithLaw(PointStateModel):
             return energy
         return energy + self.control.energy(bonds, tangent_at_rest(self.law, bonds.xi.shape[1], bonds.xi.dtype))
 
-    def moments(self, bond: Bonds) -> tuple[Any, Any]:
+    def moments(self, bond: Bonds) -> tuple[PyTree, PyTree]:
         parts = [self.law_moments(bond)]
         if self.control is not None:
             if not self.by_gradient:
@@ -108,7 +109,7 @@ class WithLaw(PointStateModel):
                 parts.append(self.control.moments(bond))
         return parts[0] if len(parts) == 1 else tuple(zip(*parts, strict=True))
 
-    def state(self, sums: Sums) -> Any:
+    def state(self, sums: Sums) -> PyTree:
         if self.control is None:
             return self.law_state(sums)
         parts = [sums]
@@ -119,7 +120,7 @@ class WithLaw(PointStateModel):
         tangent = tangent_at_rest(self.law, sums.dim, jax.tree.leaves(gradient.deformed)[0].dtype)
         return self.law_state(parts[0]), self.control.state(gradient, tangent, *own)
 
-    def bond_force(self, here: Any, there: Any, bond: Bonds) -> Float[Array, " dim"]:
+    def bond_force(self, here: PyTree, there: PyTree, bond: Bonds) -> Float[Array, " dim"]:
         if self.control is None:
             return self.law_force(here, bond)
         state, opposing = here

@@ -1,7 +1,12 @@
 """Scenes: functions of numbers that return a problem, with its closed form if it has one.
 
 `step_size_bar`, `singular_bar`, `clamped_plate` and `manufactured_plate` return a static problem (`Scene`). `cuboid`
-and `wave` return an initial value problem (`Motion`). None of them reads or writes a file or draws a figure.
+and `wave` return an initial value problem (`Motion`). None of them reads or writes a file or draws a figure. The
+modules, in the order in which to read them:
+
+    bodies         the static scenes
+    motions        the moving scenes
+    alternation    a measure of how strongly the displacements of neighbouring points alternate
 """
 
 from .bodies import clamped_plate, manufactured_plate, singular_bar, step_size_bar

@@ -22,7 +22,7 @@ bond. Then V J = −Zᵀ (V H) Z, because the states are linear in η.
 from concurrent.futures import ThreadPoolExecutor
 from functools import singledispatch
 from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
@@ -38,10 +38,10 @@ from .._internal.xla import QUICK, compiled_with
 from ..geometry.bonds import Bonds, Families
 from ..models.base import AbstractModel, PointStateModel, TwoStageModel
 from ..models.pointwise import regular, split_model
-from .linearise import TwoStage, linearise
+from .linearise import FamilyTangent, LowRank, TwoStage, linearise
 
 
-def _point_tangents(model: AbstractModel, families: Families, bonds: Bonds) -> Any:
+def _point_tangents(model: AbstractModel, families: Families, bonds: Bonds) -> FamilyTangent:
     """The tangent of the family of every point (`linearise`). Entries of bonds without weight have no meaning."""
     varying, shared = split_model(model, len(families))
     bonds, _ = regular(bonds)
@@ -115,7 +115,7 @@ def _product(P: sp.bsr_array, S: sp.bsr_array) -> sp.bsr_array:
 
 
 @eqx.filter_jit
-def _tangents(model: AbstractModel, families: Families, u: Array, F: Array | None) -> Any:
+def _tangents(model: AbstractModel, families: Families, u: Array, F: Array | None) -> FamilyTangent:
     return _point_tangents(model, families, families.bonds(u, F))
 
 
@@ -125,6 +125,7 @@ def _ring_blocks(model: PointStateModel, families: Families, u: Array, F: Array 
     bonds = families.bonds(u, F)
     real = (families.weight > 0)[..., None, None]
     t = _point_tangents(model, families, bonds)
+    assert isinstance(t, LowRank)
     B, G, S = (jnp.where(real, x, 0.0) for x in (t.B, t.G, jnp.moveaxis(t.R, 2, 1)))
     back, V = (families.neighbours, families.reverse), bonds.volume[..., None, None]
     D, P, P_own = V * (B + B[back]), -V * G[back], V * G

@@ -2,8 +2,8 @@
 
 The tangent ∂T/∂η has a different form for each kind of model:
 
-    point-state model      ∂T_b/∂η_c = δ_bc B_b + G_b R_c,  B = ∂t/∂η,  G = ∂t/∂A,  R = ∂A/∂η     (`LowRank`)
-    model of two stages    the second derivatives of the bond energies φ(η, A_here, A_there), and R   (`TwoStage`)
+    point-state model      ∂T_b/∂η_c = δ_bc B_b + G_b R_c,  B = ∂t/∂η,  G = ∂t/∂A,  R = ∂A/∂η     (LowRank)
+    model of two stages    the second derivatives of the bond energies φ(η, A_here, A_there), and R   (TwoStage)
     any other model        the dense C = ∂T/∂η of the force state
 
 A is the point state. It has few entries, so the product G R has a low rank.
@@ -11,7 +11,7 @@ A is the point state. It has few entries, so the product G R has a low rank.
 
 from collections.abc import Callable
 from functools import singledispatch
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -71,7 +71,9 @@ def _slope_of_state(model: PointStateModel, bonds: Bonds) -> _Slope:
     return _Slope(*ravel_pytree(state), outer, jnp.moveaxis(slopes, 1, 0))
 
 
-def linearise_states(model: Any, bonds: Bonds, there=None, first: int | None = None) -> LowRank:
+def linearise_states(
+    model: PointStateModel, bonds: Bonds, there: Float[Array, "bonds rank"] | None = None, first: int | None = None
+) -> LowRank:
     """B, G and R of one family, by automatic differentiation of `point_state` and `bond_force`.
 
     `there` holds the raveled states at the far ends, (bonds, rank). None means that they equal the state of this point,
@@ -107,7 +109,9 @@ class TwoStage(NamedTuple):
     R: Float[Array, "rank bonds dim"]
 
 
-def linearise_two_stage(model: TwoStageModel, bonds: Bonds, there=None) -> TwoStage:
+def linearise_two_stage(
+    model: TwoStageModel, bonds: Bonds, there: Float[Array, "bonds rank"] | None = None
+) -> TwoStage:
     """The Hessian of the energy of every bond, and the derivative of the state. `there` as in `linearise_states`."""
     state, unravel = ravel_pytree(model.point_state(bonds))
     R = jax.jacrev(lambda eta: ravel_pytree(model.point_state(bonds._replace(eta=eta)))[0])(bonds.eta)
@@ -149,8 +153,11 @@ def _two_stage_refusal(model: TwoStageModel, bonds: Bonds) -> Float[Array, "bond
     )
 
 
+FamilyTangent = LowRank | TwoStage | Array
+
+
 @singledispatch
-def linearise(model: AbstractModel, bonds: Bonds, there: Any = None) -> Any:
+def linearise(model: AbstractModel, bonds: Bonds, there: Float[Array, "bonds rank"] | None = None) -> FamilyTangent:
     """The tangent of one family in the form that suits the model: `LowRank`, `TwoStage`, or the dense C.
 
     Each kind of model registers its own function. `there` as in `linearise_states`.

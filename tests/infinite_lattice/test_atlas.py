@@ -66,6 +66,20 @@ def test_a_second_run_reads_the_saved_file_and_computes_nothing(small, monkeypat
     assert again.records == found.records == pd.Atlas.load(path).records
 
 
+def test_a_second_run_measures_the_costs_that_the_saved_records_lack(tmp_path, monkeypatch):
+    path = tmp_path / "atlas.json"
+    settings = {"models": ["Silling", "LPS"], "dims": (1,), "N": (2,), "save": path, "show_progress": False}
+    first = pd.model_atlas(**settings, cost=False)
+    assert not any("cost" in record for record in first.records)
+    monkeypatch.setattr("pdjax.infinite_lattice.atlas._record", lambda *_: pytest.fail("computed again"))
+    again = pd.model_atlas(**settings, cost=True)
+    assert again.find("Silling", 1, 2)["cost"] > 0
+    without = [{key: value for key, value in record.items() if key != "cost"} for record in again.records]
+    assert without == first.records
+    assert not any("cost" in again.find(name, 1, 2) for name in ("law", "LPS"))  # LPS is not defined in 1D.
+    assert pd.Atlas.load(path).records == again.records
+
+
 def test_bad_input(small, tmp_path):
     _, path = small
     with pytest.raises(ValueError, match="model must be one of\n  'bond-based'"):

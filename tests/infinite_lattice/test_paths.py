@@ -124,13 +124,15 @@ def test_simple_shear_needs_two_dimensions():
         pd.simple_shear(0.1, MODEL, pd.lattice_family(1, 2))
 
 
-def test_uniaxial_stress_has_second_derivatives():
-    """For a St. Venant–Kirchhoff law b = √(1 − ν(a² + 2a)) and b″ = −(ν + b′²)/b."""
+def test_uniaxial_stress_has_second_and_third_derivatives():
+    """For a St. Venant–Kirchhoff law b = √(1 − ν(a² + 2a)), b″ = −(ν + b′²)/b and b‴ = −3 b′ b″/b."""
     a, nu = 0.15, LAM / (LAM + 2 * MU)
     b = np.sqrt(1 - nu * (a**2 + 2 * a))
-    exact = -(nu + (nu * (1 + a) / b) ** 2) / b
-    second = jax.jit(jax.grad(jax.grad(lambda a: pd.uniaxial_stress(a, MODEL, FAM)[1, 1])))(a)
-    assert worst(second, exact) < 1e-12  # 8e-16
+    first = -nu * (1 + a) / b
+    exact = -(nu + first**2) / b
+    second = jax.grad(jax.grad(lambda a: pd.uniaxial_stress(a, MODEL, FAM)[1, 1]))
+    assert worst(jax.jit(second)(a), exact) < 1e-12  # 8e-16
+    assert worst(jax.jit(jax.grad(second))(a), -3 * first * exact / b) < 1e-11
 
 
 @pytest.mark.parametrize("path", [pd.hydrostatic, pd.uniaxial_strain, pd.uniaxial_stress])

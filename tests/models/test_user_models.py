@@ -158,6 +158,19 @@ def test_a_declared_array_is_shared_by_a_body_of_as_many_points():
     assert np.array_equal(force([1.0, 4.0, 5.0]), expected)  # three entries can't be one for each of four points
 
 
+def test_a_user_declares_which_constants_are_one_number():
+    class Declared(Springs):
+        one_number = ("stiffness",)
+
+    families, three = pd.families(pd.lattice((2, 2)), 1.5), jnp.ones(3)
+    with pytest.raises(ValueError, match="stiffness of Declared must be one number on a lattice family"):
+        pd.force_state(Declared(three), PLANE, np.eye(2))
+    with pytest.raises(ValueError, match="stiffness of Declared must be one number, or one for each of the 4 points"):
+        pd.force_density(Declared(three), families, np.zeros((4, 2)))
+    with pytest.raises(ValueError, match=r"stiffness of .* must be one number on a lattice family"):
+        pd.force_state(pd.graded(Declared(three), 2.0), PLANE, np.eye(2))  # The part inside declares it.
+
+
 def test_a_constant_with_another_number_of_entries_than_points_is_refused():
     families = pd.families(pd.lattice((2, 2)), 1.5)
     model = pd.Correspondence(pd.LinearElastic(jnp.ones(3), 1.0))

@@ -158,6 +158,15 @@ def test_the_branch_ends_at_the_limit_point():
         assert abs(float(strain(HENCKY, np.log1p(e) / (1 + e))) / e - 1) < 1e-13  # measured 4e-15
 
 
+def test_local_strain_has_first_and_second_derivatives_in_the_stress():
+    """With P = (1 + e)(e + e²/2): de/dσ = 1/P′ and d²e/dσ² = −P″/P′³."""
+    for e in (-0.3, 0.0, 0.5):
+        slope = jax.grad(lambda s: pd.closed_forms.local_strain_of_stress(SVK, s))
+        stress, rate = (1 + e) * (e + e * e / 2), 1 + 3 * e + 1.5 * e * e
+        assert abs(float(slope(stress)) * rate - 1) < 1e-12
+        assert abs(float(jax.grad(slope)(stress)) * rate**3 / -(3 + 3 * e) - 1) < 1e-11
+
+
 def test_strain_is_nan_where_the_local_bar_has_no_solution():
     """In compression a part of the bar has no solution: there σ (1 + α/2t) is below −1/√27."""
     x, stress = np.linspace(0.5, 1.0, 101), -0.05

@@ -1,4 +1,16 @@
-"""Motions of bodies: velocity Verlet, the solvers of diffrax, time steps, and growth rates and frequencies."""
+"""Motions of bodies: velocity Verlet, the solvers of diffrax, time steps, and growth rates and frequencies.
+
+The modules, in the order in which to read them:
+
+    system        Motion: a scene with density, initial state and supports that move (Ramp, SmoothRamp, Hold)
+    time_step     the critical time step of explicit integration
+    run           simulate: the motion, its saved states and its checks
+    verlet        velocity Verlet, and the energies of a state
+    terms         the solvers of diffrax for the same motion
+    history       History, the result, and Failure, where and why a run ended
+    rates         growth rates and frequencies, measured on a motion
+    checkpoint    files from which a run continues
+"""
 
 from .history import Failure, History
 from .rates import Rate, amplitude, measured_rate, verlet_rate

@@ -13,18 +13,18 @@ import re
 import warnings
 import zipfile
 from pathlib import Path
-from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import PyTree
 
-from ..._internal.checks import written_whole
+from ..._internal.checks import Tree, written_whole
 from ..._internal.version import VERSION
 from .verlet import State
 
 
-def fingerprint(program: str, *data: Any) -> str:
+def fingerprint(program: str, *data: PyTree) -> str:
     """Return a hash of what a run computes and of its data. It is the same in every process.
 
     program: the lowered text of the compiled steps, which contains every law, schedule and observer. data: the arrays
@@ -39,7 +39,7 @@ def fingerprint(program: str, *data: Any) -> str:
     return digest.hexdigest()
 
 
-def save(path: str | os.PathLike, name: str, state: State, records: list[Any]) -> bool:
+def save(path: str | os.PathLike, name: str, state: State, records: list[Tree]) -> bool:
     """Write the state and all records so far. Gives a warning and returns False if the file cannot be written."""
     arrays = {f"state_{k}": np.asarray(x) for k, x in state._asdict().items()}
     columns = zip(*(jax.tree.leaves(r) for r in records), strict=True)
@@ -56,7 +56,7 @@ def save(path: str | os.PathLike, name: str, state: State, records: list[Any]) -
     return True
 
 
-def load(path: str | os.PathLike, name: str, like: Any) -> tuple[State, list[Any]]:
+def load(path: str | os.PathLike, name: str, like: Tree) -> tuple[State, list[Tree]]:
     """Return the state and the records of a checkpoint. `like` is a record with the structure to restore.
 
     Raises FileNotFoundError if there is no file, and ValueError if the file is not a checkpoint, or if another version

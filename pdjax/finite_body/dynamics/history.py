@@ -1,16 +1,15 @@
 """The result of a simulation: the saves, the energy budget, the observed values, and how and where the run ended."""
 
-from typing import Any
-
 import equinox as eqx
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, PyTree
 
-from ..._internal.checks import on_device
+from ..._internal.checks import Numbers, Tree, on_device
 from ..._internal.ending import Ending
 from ..._internal.shown import told
 from ..scene import Scene
-from .verlet import Energies
+from .system import Motion
+from .verlet import Energies, State
 
 
 class RunEnding(Ending):
@@ -109,9 +108,9 @@ class History(eqx.Module):
     u: Float[Array | np.ndarray, "kept points dim"]
     v: Float[Array | np.ndarray, "kept points dim"]
     energies: Energies
-    observed: dict[str, Any]
-    dt: Any
-    steps: Any
+    observed: dict[str, PyTree]
+    dt: Numbers | float
+    steps: Numbers | int
     code: int | None = eqx.field(static=True, default=None)
     failure: Failure | None = None
 
@@ -172,7 +171,7 @@ def alarmed(first: Energies, last: Energies, swing: float, given: float) -> bool
     return bool(now.kinetic > GROWTH * given or abs(now.total - start.total - swing) > GROWTH * given)
 
 
-def failure(motion: Any, state: Any, saved: Any, dt: float, critical: tuple[float, float]) -> Failure:
+def failure(motion: Motion, state: State, saved: State, dt: float, critical: tuple[float, float]) -> Failure:
     """Describe a run that ended early: the time of its last finite state, and the place by its last valid save.
 
     critical: the critical steps at the start and at that save, NaN where unknown.
@@ -198,7 +197,7 @@ def failure(motion: Any, state: Any, saved: Any, dt: float, critical: tuple[floa
     return Failure(time, int(state.step), point, position, mode, wave, least, why)
 
 
-def stacked(records: list[Any]) -> Any:
+def stacked(records: list[Tree]) -> Tree:
     """Combine the records of single saves into one record of arrays (saves, …)."""
     import jax
 

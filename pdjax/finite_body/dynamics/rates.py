@@ -10,14 +10,14 @@ Velocity Verlet with step Δt changes both rates. A mode of frequency ω oscilla
 growth rate γ grows at (2/Δt) arcsinh(γΔt/2). `verlet_rate` computes them.
 """
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..._internal.checks import is_concrete
+from ..._internal.checks import Numbers, is_concrete
 from ..._internal.public import public_function
 
 
@@ -39,8 +39,8 @@ class Rate(NamedTuple):
     (0.5, 0.0)
     """
 
-    growth: Any
-    frequency: Any
+    growth: Numbers | float
+    frequency: Numbers | float
 
 
 @public_function
@@ -137,7 +137,7 @@ def _fit(times: Array, a: Array) -> Rate:
 
 
 @public_function
-def verlet_rate(rate: Any, dt: Any) -> Rate:
+def verlet_rate(rate, dt) -> Rate:
     """Compute the rate that velocity Verlet gives to a mode of known rate.
 
     γ_Δt = (2/Δt) arcsinh(γΔt/2),     ω_Δt = (2/Δt) arcsin(ωΔt/2)

@@ -12,18 +12,20 @@ import math
 import os
 import time
 import warnings
-from typing import Any, NamedTuple
+from collections.abc import Mapping
+from typing import NamedTuple, Protocol, runtime_checkable
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array
+from jaxtyping import Array, PyTree
 
 from ..._internal.checks import inside_jit, is_concrete, writable
 from ..._internal.progress import progress
 from ..._internal.public import public_function
 from ..observers import Snapshot, check_observers
+from ..scene import Scene
 from . import checkpoint as checkpoints
 from .history import Failure, History, RunEnding, alarmed, as_arrays, failure, stacked
 from .system import Motion, check_schedule
@@ -34,18 +36,25 @@ SAVES = 100  # approximate number of saves if save_every is not given
 NOISE = 1e6  # number of steps over which rounding forces of one sign are assumed to add up
 
 
+@runtime_checkable
+class Observer(Protocol):
+    """A function (scene, snapshot) → array or tree of arrays."""
+
+    def __call__(self, scene: Scene, now: Snapshot, /) -> PyTree: ...
+
+
 class Record(NamedTuple):
     """What a run stores at one save."""
 
     t: Array
     fields: tuple[Array, ...]
     energies: Energies
-    observed: dict[str, Any]
+    observed: dict[str, PyTree]
     borrowed: tuple[Array, Array]
     finite: Array
 
 
-def _record(motion: Motion, observers: dict[str, Any], state: State, dt, fields: bool) -> Record:
+def _record(motion: Motion, observers: Mapping[str, Observer], state: State, dt, fields: bool) -> Record:
     t = state.step * dt
     now = Snapshot(t, motion.factor(t)[0], state.u, state.v, state.force)
     observed = {name: watch(motion.scene, now) for name, watch in observers.items()}
@@ -67,14 +76,14 @@ def _rounding(motion: Motion, dt: float) -> float:
 
 
 @eqx.filter_jit
-def _go_on(motion: Motion, observers: dict[str, Any], state: State, dt, steps, fields: bool):
+def _go_on(motion: Motion, observers: Mapping[str, Observer], state: State, dt, steps, fields: bool):
     """The only program of a monitored run: the steps to the next save. From `before_start` it makes the first state."""
     state = march(motion, state, dt, steps)
     return state, _record(motion, observers, state, dt, fields)
 
 
 @eqx.filter_jit
-def _traced(motion: Motion, observers: dict[str, Any], dt, saves: int, every: int, fields: bool) -> History:
+def _traced(motion: Motion, observers: Mapping[str, Observer], dt, saves: int, every: int, fields: bool) -> History:
     """The whole run in one scan, for a transformation of JAX."""
     state = initial_state(motion)
     first = _record(motion, observers, state, dt, fields)
@@ -259,7 +268,7 @@ def simulate(
     *,
     dt=None,
     save_every: int | None = None,
-    observers: dict[str, Any] | None = None,
+    observers: Mapping[str, Observer] | None = None,
     fields: bool = True,
     checkpoint: str | os.PathLike | None = None,
     checkpoint_every: int = 1,

@@ -9,18 +9,20 @@ the components that it holds.
 """
 
 from collections.abc import Callable
-from typing import Any
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.typing import ArrayLike, DTypeLike
 from jaxtyping import Array, Bool, Float
 
-from ..._internal.checks import as_array, as_real, check_positive, is_concrete, namespace, on_device, on_host
+from ..._internal.checks import Numbers, as_array, as_real, check_positive, is_concrete, namespace, on_device, on_host
 from ..._internal.public import public_function
 from ...force.fields import point_field
 from ..scene import Scene
+
+Schedule = Callable[[Array], ArrayLike]  # the load factor λ as a function of the time
 
 
 class Hold(eqx.Module):
@@ -92,26 +94,26 @@ class SmoothRamp(Ramp):
         return tau**2 * (3 - 2 * tau)
 
 
-def _hold(schedule: Any, t: np.ndarray) -> tuple[Any, Any]:
+def _hold(schedule: Hold, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return np.ones_like(t), np.zeros_like(t)
 
 
-def _ramp(schedule: Any, t: np.ndarray) -> tuple[Any, Any]:
+def _ramp(schedule: Ramp, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     duration = np.asarray(schedule.duration)
     return np.where(t < duration, t / duration, 1), np.where(t < duration, 1 / duration, 0)
 
 
-def _smooth_ramp(schedule: Any, t: np.ndarray) -> tuple[Any, Any]:
+def _smooth_ramp(schedule: SmoothRamp, t: np.ndarray) -> tuple[np.ndarray | np.floating, np.ndarray | np.floating]:
     tau, rate = _ramp(schedule, t)
     return tau**2 * (3 - 2 * tau), 6 * tau * (1 - tau) * rate
 
 
 # λ and dλ/dt of the schedules of this module, in NumPy. The keys are exact types, because a subclass may define
 # another λ.
-_IN_NUMPY: dict[Any, Callable] = {Hold: _hold, Ramp: _ramp, SmoothRamp: _smooth_ramp}
+_IN_NUMPY: dict[type, Callable] = {Hold: _hold, Ramp: _ramp, SmoothRamp: _smooth_ramp}
 
 
-def _value_and_rate(schedule: Callable[[Any], Any], t: Array) -> tuple[Array, Array]:
+def _value_and_rate(schedule: Schedule, t: Array) -> tuple[Array, Array]:
     return jax.jvp(lambda s: jnp.asarray(schedule(s), t.dtype), (t,), (jnp.ones_like(t),))
 
 
@@ -119,11 +121,11 @@ _in_one_program = eqx.filter_jit(_value_and_rate)
 
 
 @eqx.filter_jit
-def _values_and_rates(schedule: Callable[[Any], Any], times: Array) -> tuple[Array, Array]:
+def _values_and_rates(schedule: Schedule, times: Array) -> tuple[Array, Array]:
     return jax.vmap(lambda t: _value_and_rate(schedule, t))(times)
 
 
-def _factors(schedule: Callable[[Any], Any], times: np.ndarray) -> tuple[Any, Any]:
+def _factors(schedule: Schedule, times: np.ndarray) -> tuple[Numbers, Numbers]:
     """λ and dλ/dt at every time: in NumPy for concrete schedules of this module, else by one compiled program."""
     known = _IN_NUMPY.get(type(schedule))
     if known is None or not is_concrete(schedule):
@@ -162,7 +164,7 @@ class Motion(eqx.Module):
     scene: Scene
     density: Float[Array, "..."]
     damping: Float[Array, ""]
-    schedule: Callable[[Any], Any]
+    schedule: Schedule
     start: Float[Array, "points dim"]
     velocity: Float[Array, "points dim"]
     duration: float | None = eqx.field(static=True, default=None)
@@ -229,7 +231,7 @@ class Motion(eqx.Module):
         return self.scene.unbalanced(u, factor)
 
 
-def _density(density: Any, points: int, dtype: Any) -> Array:
+def _density(density: object, points: int, dtype: DTypeLike) -> Array:
     density = as_array(density, dtype)
     if density.shape not in ((), (points,)):
         raise ValueError(f"density must be one number or one for each of the {points} points; got {density.shape}")
@@ -246,7 +248,7 @@ def motion(
     density=1.0,
     *,
     damping=0.0,
-    schedule: Callable[[Any], Any] | None = None,
+    schedule: Schedule | None = None,
     start=None,
     velocity=None,
     duration: float | None = None,

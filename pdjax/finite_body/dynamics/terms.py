@@ -9,7 +9,8 @@ terms for `diffrax.SemiImplicitEuler`, for undamped motions. Held components fol
 Source: Kidger 2021 (diffrax).
 """
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
 import equinox as eqx
 import jax
@@ -21,7 +22,7 @@ from ..._internal.checks import is_concrete, namespace, on_device
 from ..._internal.public import public_function
 from ..observers import Snapshot, check_observers
 from .history import Failure, History, RunEnding
-from .run import SAVES, run_length, time_step
+from .run import SAVES, Observer, run_length, time_step
 from .system import Hold, Motion, check_schedule
 from .verlet import Energies, State, energies
 
@@ -194,7 +195,7 @@ def _run(motion, terms, solver, controller, dt, times, most, adjoint):
 
 
 @eqx.filter_jit
-def _describe(motion: Motion, times, q: Array, w: Array, observers: dict[str, Any]):
+def _describe(motion: Motion, times, q: Array, w: Array, observers: Mapping[str, Observer]):
     """Fields, energies and observed values of every save. The works are not integrated here and stay 0."""
     scene = motion.scene
 
@@ -221,7 +222,7 @@ def simulate_diffrax(
     rtol: float | None = None,
     atol: float | None = None,
     saves: int = SAVES,
-    observers: dict[str, Any] | None = None,
+    observers: Mapping[str, Observer] | None = None,
     max_steps: int = 1_000_000,
     adjoint: "diffrax.AbstractAdjoint | None" = None,
     throw: bool = False,
@@ -309,7 +310,7 @@ def simulate_diffrax(
         # With fixed steps there is no controller from which the Newton iteration could take its tolerances. Chord
         # replaces VeryChord, which reports divergence when the residual is at the level of rounding.
         root = max(ROOT, 100 * float(np.finfo(real).eps))
-        newton: Any = optx.Chord(rtol=root, atol=root * xp.maximum(size, unknown), norm=optx.max_norm)
+        newton: optx.Chord = optx.Chord(rtol=root, atol=root * xp.maximum(size, unknown), norm=optx.max_norm)
         if eqx.tree_equal(solver.root_finder, type(solver)().root_finder):
             solver = eqx.tree_at(lambda s: s.root_finder, solver, newton)
     adjoint = diffrax.RecursiveCheckpointAdjoint() if adjoint is None else adjoint
@@ -345,8 +346,7 @@ def _unknown_works(motion: Motion, budget: Energies) -> Energies:
         or (scene.mean is not None and not isinstance(motion.schedule, Hold))
     ):
         return budget
-    kinetic = budget.kinetic
-    nothing = on_device(namespace(kinetic).full(kinetic.shape, np.nan, kinetic.dtype))
+    nothing = on_device(namespace(budget.kinetic).full_like(budget.kinetic, np.nan))
     return budget._replace(supports=nothing, loads=nothing, dissipated=nothing)
 
 

@@ -22,14 +22,14 @@ Sources: Swope et al. 1982; Hairer, Lubich & Wanner 2003.
 """
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
-from ..._internal.checks import namespace, on_device, on_host
+from ..._internal.checks import Numbers, namespace, on_device, on_host
 from ...force.fields import strain_energy
 from .system import Hold, Motion
 
@@ -74,11 +74,11 @@ class Energies(NamedTuple):
     ((11,), True)
     """
 
-    kinetic: Any
-    strain: Any
-    supports: Any
-    loads: Any
-    dissipated: Any
+    kinetic: Numbers | float
+    strain: Numbers | float
+    supports: Numbers | float
+    loads: Numbers | float
+    dissipated: Numbers | float
 
     @property
     def total(self):

@@ -9,14 +9,13 @@ reverse mode one with Aᵀ. Both use the same sparse matrix factorisation, which
 differentiable, so derivatives of every order are exact.
 """
 
-from typing import Any
-
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
+from ..._internal.checks import Numbers
 from ..factorisation import Factor, matrix, product, residual
 from ..scene import Scene, frozen
 
@@ -26,7 +25,7 @@ def attach(scene: Scene, q: np.ndarray, factor: float) -> Array:
     quiet, root = frozen(scene), jax.device_put(q)
     lu = Factor(matrix(quiet, quiet.displacement(q, factor), factor), scene.model.hyperelastic)
 
-    def solved(b: Any, transposed: bool) -> np.ndarray:
+    def solved(b: Numbers, transposed: bool) -> np.ndarray:
         columns = np.asarray(b).reshape(-1, b.shape[-1]).T
         return lu.solve(columns, transposed).T.reshape(b.shape).astype(b.dtype)
 

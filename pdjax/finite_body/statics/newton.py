@@ -14,7 +14,6 @@ points.
 """
 
 from collections.abc import Callable
-from typing import Any
 
 import equinox as eqx
 import jax
@@ -74,7 +73,7 @@ def newton(
     factor: float,
     tolerance: float,
     max_iterations: int,
-    solver: Callable[[Scene, np.ndarray, float], Callable[[Any], Any]],
+    solver: Callable[[Scene, np.ndarray, float], Callable[[np.ndarray], np.ndarray]],
     history: list[float] | None = None,
 ) -> tuple[np.ndarray, int, list[float]]:
     """Newton's method from q at a fixed load factor. Returns (q, code, relative residuals of all iterations).

@@ -5,8 +5,6 @@ applied forces, and the root mean square over the points of the forces of their 
 (`pdjax.finite_body.factorisation.residual_and_scale`).
 """
 
-from typing import Any
-
 import equinox as eqx
 import numpy as np
 from jaxtyping import Array, Float
@@ -70,7 +68,7 @@ class Equilibrium(eqx.Module):
     residuals: Float[Array | np.ndarray, " iterations"]
     iterations: Array | int
     code: Array | int
-    turned: Array | int
+    turned: Array | np.integer | int
     stability: BodyStability | None
     failed_step: str | None = eqx.field(static=True, default=None)
     method: str = eqx.field(static=True, default="newton")
@@ -124,7 +122,7 @@ def _bonds(families, u) -> tuple:
     return xi, xi + (u[neighbours] - u[:, None, :]), weight > 0
 
 
-def torn(families, u) -> Any:
+def torn(families, u) -> Array | np.bool_:
     """Whether a bond is longer than TORN times its reference length.
 
     The forces of some models vanish at such lengths, and then a zero residual does not mean equilibrium.
@@ -134,7 +132,7 @@ def torn(families, u) -> Any:
         return (((image**2).sum(axis=-1) > TORN**2 * (xi**2).sum(axis=-1)) & true).any()
 
 
-def turned_bonds(families, u) -> Any:
+def turned_bonds(families, u) -> Array | np.integer:
     """Number of bonds (directed) that point backwards."""
     with np.errstate(all="ignore"):
         xi, image, true = _bonds(families, u)

@@ -4,8 +4,6 @@ r is the residual of the scene. The method runs wholly in JAX, so `jit` and `vma
 problems can be solved in one batch. It is meant for bodies of up to a few thousand unknowns.
 """
 
-from typing import Any
-
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -43,7 +41,7 @@ def trust_region(
         r, scale = residual_and_scale(scene, p, factor)
         return relative(jnp.linalg.norm(r), scale)
 
-    solver: Any = optx.Dogleg(rtol=1e-14, atol=1e-300, linear_solver=lx.AutoLinearSolver(well_posed=None))
+    solver: optx.Dogleg = optx.Dogleg(rtol=1e-14, atol=1e-300, linear_solver=lx.AutoLinearSolver(well_posed=None))
     tags: frozenset[object] = frozenset()
     struct = jax.eval_shape(fn, q, None)
     start = solver.init(fn, q, None, {}, struct[0], struct[1], tags)

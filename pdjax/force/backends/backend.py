@@ -7,7 +7,7 @@ A backend is a module with two functions, and one line in `pdjax.force.operator.
 """
 
 from abc import abstractmethod
-from typing import Any, ClassVar
+from typing import ClassVar, Protocol
 
 import equinox as eqx
 import numpy as np
@@ -16,6 +16,7 @@ from jaxtyping import Array, Float
 from ..._internal.checks import is_concrete
 from ..._internal.memory import remember
 from ...geometry.bonds import Families
+from ...models.base import AbstractModel
 
 
 class Backend(eqx.Module):
@@ -26,11 +27,19 @@ class Backend(eqx.Module):
     quick: ClassVar[bool] = False  # compiles with the options QUICK, where its program runs as fast with them
 
     @abstractmethod
-    def force(self, model: Any, u: Float[Array, "points dim"], F: Array | None) -> Float[Array, "points dim"]:
+    def force(self, model: AbstractModel, u: Float[Array, "points dim"], F: Array | None) -> Float[Array, "points dim"]:
         """f of every point [force/length^dim]. F is a mean deformation gradient or None."""
 
 
-def lattice_refusal(model: Any, families: Families) -> str | None:
+class BackendModule(Protocol):
+    """A module that implements a backend. The module docstring describes its two functions."""
+
+    def refusal(self, model: AbstractModel, families: Families) -> str | None: ...
+
+    def prepare(self, model: AbstractModel, families: Families) -> Backend: ...
+
+
+def lattice_refusal(model: AbstractModel, families: Families) -> str | None:
     """Why a backend for lattices and models made of moments cannot be used, or None if it can."""
     if families.grid is None or not _equal_volumes(families):
         return (

@@ -22,8 +22,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.extend import core
+from jax.typing import DTypeLike
 
 Components = np.ndarray  # its entries are JAX arrays over the points, 0-d JAX arrays, or NumPy scalars
+Entry = jax.Array | np.ndarray | np.generic | float
 
 _MOVES = {"broadcast_in_dim", "reshape", "slice", "squeeze", "transpose", "rev", "copy", "expand_dims"}
 _MOVES_MANY = {"concatenate", "split", "pad", "stack"}
@@ -83,7 +85,7 @@ _TOLD = {"integer_pow", "convert_element_type"}
 _INLINED = {"jit", "pjit", "closed_call", "core_call", "custom_lin"}
 
 
-def split(x: Any, batched: bool = True) -> Components:
+def split(x: jax.Array | np.ndarray, batched: bool = True) -> Components:
     """(…, points) → components (…) over the points. If not batched, (…) → numbers that all points share."""
     shape = x.shape[:-1] if batched else np.shape(x)
     out = np.empty(shape, dtype=object)
@@ -99,15 +101,15 @@ def join(x: Components, points: int) -> jax.Array:
     return jnp.stack(rows).reshape((*x.shape, points)) if x.ndim else rows[0]
 
 
-def _known(entry: Any) -> bool:
+def _known(entry: Entry) -> bool:
     return isinstance(entry, np.generic | bool | int | float)
 
 
-def _is(entry: Any, value: float) -> bool:
+def _is(entry: Entry, value: float) -> bool:
     return bool(_known(entry) and entry == value)
 
 
-def _simplified(name: str, a: Any, b: Any) -> Any:
+def _simplified(name: str, a: Entry, b: Entry) -> Entry | None:
     """The result of an operation if a constant 0 or 1 makes it equal to one operand, else None."""
     if name == "mul":
         if _is(a, 0) or _is(b, 1):
@@ -124,7 +126,7 @@ def _simplified(name: str, a: Any, b: Any) -> Any:
     return None
 
 
-def _bind(primitive: Any, params: dict, entries: list) -> Any:
+def _bind(primitive: core.Primitive, params: dict, entries: list) -> Entry:
     """One elementwise primitive on entries. Constants are computed on the host, everything else over the points."""
     if all(_known(e) for e in entries):
         if primitive.name in _ON_HOST and (primitive.name != "div" or np.asarray(entries[0]).dtype.kind in "fc"):
@@ -156,7 +158,7 @@ def _indices(shape: tuple[int, ...], start: int = 0) -> np.ndarray:
     return np.arange(start, start + int(np.prod(shape)), dtype=np.int32).reshape(shape)
 
 
-def _padded(x: np.ndarray, value: np.ndarray, padding_config: Any) -> np.ndarray:
+def _padded(x: np.ndarray, value: np.ndarray, padding_config: tuple) -> np.ndarray:
     """`jax.lax.pad`: add (before, behind, between) entries of `value` along every axis. Negative numbers cut off."""
     for axis, (before, behind, between) in enumerate(padding_config):
         count = x.shape[axis]
@@ -164,7 +166,7 @@ def _padded(x: np.ndarray, value: np.ndarray, padding_config: Any) -> np.ndarray
         first, length = max(before, 0), count + max(count - 1, 0) * between
         shape[axis] = first + length + max(behind, 0)
         out = np.full(shape, value)
-        at: list[Any] = [slice(None)] * x.ndim
+        at: list[slice] = [slice(None)] * x.ndim
         at[axis] = slice(first, first + length, between + 1)
         out[tuple(at)] = x
         at[axis] = slice(max(-before, 0), shape[axis] - max(-behind, 0))
@@ -195,7 +197,7 @@ _MOVED_ON_HOST: dict[str, Callable] = {
 }
 
 
-def _moved(eqn: Any, operands: list[Components]) -> list[Components]:
+def _moved(eqn: core.JaxprEqn, operands: list[Components]) -> list[Components]:
     """An operation that only moves entries, replayed on an array of their indices."""
     flat = np.concatenate([x.reshape(-1) for x in operands])
     starts = np.cumsum([0, *(x.size for x in operands[:-1])])
@@ -209,9 +211,9 @@ def _moved(eqn: Any, operands: list[Components]) -> list[Components]:
     return [flat[np.asarray(r).reshape(-1)].reshape(r.shape) for r in results]
 
 
-def _sum_of_products(rows: list[tuple], dtype: Any, costs: "_Costs") -> Any:
+def _sum_of_products(rows: list[tuple], dtype: DTypeLike, costs: "_Costs") -> Entry:
     """The sum of products of entries in the given order, without the operations that a 0 or 1 makes unnecessary."""
-    total = np.zeros((), dtype)[()]
+    total: Entry = np.zeros((), dtype)[()]
     for factors in rows:
         term = factors[0]
         for factor in factors[1:]:
@@ -228,7 +230,7 @@ def _sum_of_products(rows: list[tuple], dtype: Any, costs: "_Costs") -> Any:
     return total
 
 
-def _dot(a: Components, b: Components, dimension_numbers: Any, dtype: Any, costs: "_Costs") -> Components:
+def _dot(a: Components, b: Components, dimension_numbers: tuple, dtype: DTypeLike, costs: "_Costs") -> Components:
     (ca, cb), (ba, bb) = dimension_numbers
     fa = [i for i in range(a.ndim) if i not in (*ca, *ba)]
     fb = [i for i in range(b.ndim) if i not in (*cb, *bb)]
@@ -268,7 +270,7 @@ def _batched(eqn: Any, operands: list[Components]) -> list[Components]:
     lengths = [np.shape(e) for x in given.values() for e in x.reshape(-1) if np.ndim(e)]
     points = max((n[0] for n in lengths), default=1)  # 1 if all operands are constants
 
-    def alone(*values: Any) -> list:
+    def alone(*values: jax.Array) -> list:
         known = dict(zip(given, values, strict=True))
         read = [v.val if isinstance(v, core.Literal) else known[v] for v in eqn.invars]
         bound = eqn.primitive.get_bind_params(eqn.params)  # versions of JAX before 0.10 return a pair
@@ -310,10 +312,10 @@ class _Costs:
     by `one`, an input whose value is 1.
     """
 
-    def __init__(self, one: Any, inputs: dict[int, float]):
+    def __init__(self, one: jax.Array | None, inputs: dict[int, float]):
         self.one, self.of = one, inputs
 
-    def note(self, entry: Any, operands: list, own: float) -> None:
+    def note(self, entry: Entry, operands: list, own: float) -> None:
         self.of[id(entry)] = own + sum(self.of.get(id(x), 0.0) for x in operands)
 
     def kept(self, x: Components, fan: float) -> Components:
@@ -352,7 +354,7 @@ def _step(eqn: Any, operands: list[Components], costs: _Costs) -> list[Component
     return out
 
 
-def _run(jaxpr: Any, consts: list, operands: list[Components], costs: _Costs) -> list[Components]:
+def _run(jaxpr: core.Jaxpr, consts: list, operands: list[Components], costs: _Costs) -> list[Components]:
     known = dict(zip(jaxpr.constvars, (split(c, False) for c in consts), strict=True))
     fans = _fans(jaxpr)
     known.update((v, costs.kept(x, fans[v])) for v, x in zip(jaxpr.invars, operands, strict=True))
@@ -366,7 +368,9 @@ def _run(jaxpr: Any, consts: list, operands: list[Components], costs: _Costs) ->
     return [read(v) for v in jaxpr.outvars]
 
 
-def by_components(function: Callable, dtype: Any, one: Any = None, dear: list | None = None) -> Callable:
+def by_components(
+    function: Callable, dtype: DTypeLike, one: jax.Array | None = None, dear: list | None = None
+) -> Callable:
     """Turn a function of trees of small arrays into the same function of trees of `Components`.
 
     All floating-point numbers have the dtype `dtype`. `one` is an input of value 1, which `_Costs` uses to make XLA

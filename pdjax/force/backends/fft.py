@@ -17,7 +17,8 @@ In 3D Silling's correspondence model needs 12 forward and 12 inverse transforms,
 """
 
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Hashable, Iterable
+from types import ModuleType
 from typing import Any, ClassVar, NamedTuple
 
 import equinox as eqx
@@ -33,7 +34,7 @@ from ..._internal.memory import remember
 from ..._internal.threads import cores
 from ..._internal.xla import ONCE, compiled_with
 from ...geometry.bonds import EACH_BOND, Bonds, Families
-from ...models.base import PointStateModel, Sums
+from ...models.base import AbstractModel, PointStateModel, Sums
 from ...models.pointwise import split_model
 from .backend import Backend, lattice_refusal
 from .streaming import state_rows
@@ -87,7 +88,7 @@ def _powers(indices: tuple[int, ...]) -> list[tuple[Monomial, Monomial, float]]:
     return out
 
 
-def _derivatives(function: Any, degree: int, bonds: Bonds) -> list[Array]:
+def _derivatives(function: Callable[[Bonds], Array], degree: int, bonds: Bonds) -> list[Array]:
     """Derivatives of function(bond) with respect to η at 0, of orders 0 to degree: (offsets, entries, dim, …)."""
     out = []
     for _ in range(degree + 1):
@@ -106,7 +107,7 @@ class Tables(NamedTuple):
     respect to η at 0, order by order. `forces` holds those of ∂t/∂A, for each entry of the point state A.
     """
 
-    reference: Any
+    reference: Array | np.ndarray
     moments: list
     forces: list
 
@@ -179,19 +180,20 @@ def _planned(tables: Tables, entries: int) -> tuple[Plan, np.ndarray]:
     return Plan(tuple(first), tuple(second), size, entries), np.array(kernels.rows).reshape(-1, len(tables.reference))
 
 
-def _known(model: PointStateModel, families: Families) -> tuple[Any, PointStateModel, tuple, int] | None:
-    grid: Any = families.grid
+def _known(model: PointStateModel, families: Families) -> tuple[Hashable, PointStateModel, tuple, int] | None:
+    grid = families.grid
+    assert grid is not None
     stencil = (grid.offsets, families.dim, float(families.spacing or 1.0), grid.horizon)
     degree = model.degree
     known = known_part(families, ("tables", degree), lambda m: _tables(m, stencil, degree), model)
     return None if known is None else (*known, stencil, degree)
 
 
-def refusal(model: Any, families: Families) -> str | None:
+def refusal(model: AbstractModel, families: Families) -> str | None:
     """Why this backend cannot evaluate this model and body, or None if it can."""
     if (why := lattice_refusal(model, families)) is not None:
         return why
-    if not (model.degree and model.additive):
+    if not (isinstance(model, PointStateModel) and model.degree and model.additive):
         return f"the force of {type(model).__name__} is not a polynomial in the displacement (or its order is traced)"
     if jax.tree.leaves(split_model(model, len(families))[0]):
         return "a constant of the model varies from point to point"
@@ -253,8 +255,9 @@ class Convolution(Backend):
                 out[t.out] = out[t.out] + (share if factor is None else factor * share)
         return [jnp.broadcast_to(x, self.cells) for x in out]
 
-    def force(self, model: Any, u: Float[Array, "points dim"], F: Array | None) -> Float[Array, "points dim"]:
+    def force(self, model: AbstractModel, u: Float[Array, "points dim"], F: Array | None) -> Float[Array, "points dim"]:
         """f of every point; see `Backend.force`."""
+        assert isinstance(model, PointStateModel)
         real = self.filled.dtype
         U = to_cells(u.astype(real), self.cells, self.sites)
         dim = u.shape[1]
@@ -280,8 +283,8 @@ def _transformed(families: Families, plan: Plan, rows: np.ndarray, reference: np
     """The prepared transforms. SciPy computes them, or JAX if the families are traced."""
     import scipy.fft  # imported here because it would add a sixth to the time of `import pdjax`
 
-    xp: Any = namespace(families)
-    fft: Any = scipy.fft if xp is np else jnp.fft
+    xp = namespace(families)
+    fft: ModuleType = scipy.fft if xp is np else jnp.fft
     grid: Any = on_host(families.grid)
     real, dim = families.dtype, families.dim
     offsets = np.array(grid.offsets).reshape(-1, dim)
@@ -292,7 +295,7 @@ def _transformed(families: Families, plan: Plan, rows: np.ndarray, reference: np
     )
     axes, weight = tuple(range(1, dim + 1)), grid.influence * float(families.spacing or 1.0) ** dim
 
-    def transforms(rows: np.ndarray) -> Any:
+    def transforms(rows: np.ndarray) -> Array | np.ndarray:
         """Transforms of the mirrored kernels (kernels, offsets), which turn a correlation into a product."""
         kernels, at = xp.zeros((len(rows), *box), real), (slice(None), *np.mod(-offsets, box).T)
         if xp is np:
@@ -301,7 +304,7 @@ def _transformed(families: Families, plan: Plan, rows: np.ndarray, reference: np
             kernels = kernels.at[at].set(jnp.asarray(rows, real) * weight)
         return fft.rfftn(kernels, axes=axes)
 
-    def back(spectra: Any) -> Any:
+    def back(spectra: Array | np.ndarray) -> Array | np.ndarray:
         return fft.irfftn(spectra, s=box, axes=axes)[(slice(None), *(slice(0, n) for n in grid.cells))]
 
     filled = to_cells(xp.ones((len(families), 1), real), grid.cells, grid.sites)[0]
@@ -318,8 +321,9 @@ def _transformed(families: Families, plan: Plan, rows: np.ndarray, reference: np
     return Convolution(spectra, at_rest, filled, sums, sites, families.horizon, plan, grid.cells, box)
 
 
-def prepare(model: PointStateModel, families: Families) -> Convolution:
+def prepare(model: AbstractModel, families: Families) -> Convolution:
     """The backend for these families, made on the host if they are not traced. `refusal` must have returned None."""
+    assert isinstance(model, PointStateModel)
     known = _known(model, families)
     assert known is not None
     key, there, stencil, degree = known

@@ -6,11 +6,12 @@ moments. Other models are evaluated with all bonds at once at every size.
 """
 
 import math
-from typing import Any, ClassVar
+from typing import ClassVar
 
 from jaxtyping import Array, Float
 
 from ...geometry.bonds import Families
+from ...models.base import AbstractModel
 from ..fields import whole_force
 from .backend import Backend
 from .streamed import prepare_streamed
@@ -28,7 +29,7 @@ class Whole(Backend):
 
     families: Families
 
-    def force(self, model: Any, u: Float[Array, "points dim"], F: Array | None) -> Float[Array, "points dim"]:
+    def force(self, model: AbstractModel, u: Float[Array, "points dim"], F: Array | None) -> Float[Array, "points dim"]:
         """f of every point; see `Backend.force`."""
         return whole_force(model, self.families, self.families.bonds(u, F))
 
@@ -38,12 +39,12 @@ def is_small(families: Families) -> bool:
     return families.xi is not None and math.prod(families.xi.shape[:2]) < SMALL
 
 
-def refusal(model: Any, families: Families) -> str | None:
+def refusal(model: AbstractModel, families: Families) -> str | None:
     """Why this backend cannot be used, or None if it can: it needs families with padded arrays."""
     return "the families were made with arrays=False" if families.xi is None else None
 
 
-def prepare(model: Any, families: Families) -> Backend:
+def prepare(model: AbstractModel, families: Families) -> Backend:
     """The backend for these families."""
     if is_small(families) or not model.by_moments:
         return Whole(families)

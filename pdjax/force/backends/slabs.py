@@ -50,14 +50,13 @@ every process.
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.sharding import Mesh, NamedSharding, PartitionSpec
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, PyTree
 
 from ..._internal.checks import as_real, is_concrete, require
 from ..._internal.public import public_function
@@ -136,7 +135,8 @@ def sharded_vmap(function: Callable, mesh: Mesh) -> Callable:
 
 def _slab(families: Families, cells: tuple[int, ...]) -> LatticeTraversal:
     """The traversal over a slab with its halo: a full lattice of `cells` that is not periodic along its first axis."""
-    grid: Any = families.grid
+    grid = families.grid
+    assert grid is not None
     grid = replace(grid, cells=cells, periodic=(False, *grid.periodic[1:]), kinds=None)
     points = int(np.prod(cells))
     volumes = jnp.full(points, float(families.spacing or 1.0) ** families.dim, families.dtype)
@@ -181,7 +181,7 @@ class SlabForce(eqx.Module):
     (1, 5, 2)
     """
 
-    varying: Any
+    varying: PyTree
     shared: AbstractModel
     reference: Float[Array, "entries flat"] | None
     traversal: LatticeTraversal
@@ -273,7 +273,7 @@ class SlabForce(eqx.Module):
         return eqx.tree_at(lambda w: w.filled, self.traversal, self.traversal.embed(inside[:, None])[0])
 
 
-def _on_slabs(function: Callable, operator: SlabForce, data: tuple, specs: tuple, out_specs: Any) -> Any:
+def _on_slabs(function: Callable, operator: SlabForce, data: tuple, specs: tuple, out_specs: PyTree) -> PyTree:
     """function(operator, *data) on every device.
 
     `specs` are the partition specs of the data. The states and constants of the points in the operator are divided over
@@ -304,10 +304,10 @@ def _force(operator: SlabForce, u: Array) -> Float[Array, "points dim"]:
 
 
 @eqx.filter_jit
-def _prepared(operator: SlabForce, varying: Any) -> SlabForce:
+def _prepared(operator: SlabForce, varying: PyTree) -> SlabForce:
     """The operator with everything that does not depend on u: constants with their halos, and reference sums."""
 
-    def one(o: SlabForce, varying: Any) -> tuple[Any, Array]:
+    def one(o: SlabForce, varying: PyTree) -> tuple[PyTree, Array]:
         varying, traversal = jax.tree.map(o.with_halo, varying), o.masked()
         sums = reference_sums((varying, o.shared), traversal, traversal.xi.shape[1], o.horizon)
         if not sums.shape[0]:
@@ -397,7 +397,8 @@ def slab_force(model: AbstractModel, families: Families, mesh: Mesh) -> SlabForc
     check_model(model, families, Families)
     _refuse(model, families)
     mesh, _, devices = device_mesh(mesh)
-    grid: Any = families.grid
+    grid = families.grid
+    assert grid is not None  # `_refuse` has required it
     reach = int(np.abs(np.array(grid.offsets).reshape(-1, families.dim))[:, 0].max(initial=0))
     halo = model.rings * max(reach, 1)
     planes = _slab_planes(grid.cells[0], halo, devices)

@@ -1,11 +1,9 @@
-"""The backend that streams over the bonds of a model made of moments, and its preparation.
+"""The backend class `Streamed`: prepares a body once and keeps what is reused. `streaming` holds its formulas.
 
-A traversal (`traversal`) yields the bonds one slot at a time, and `streaming` computes the forces from them. The sums
-over the reference configuration depend on few constants of the model. They are computed once for each set of these
-constants, and the families object keeps them.
+`prepare_streamed` makes the traversal (`traversal`), which yields the bonds one slot at a time, and the sums over the
+reference configuration. These sums depend on few constants of the model. They are computed once for each set of these
+constants, and the families object keeps them. The forces themselves come from `streaming.streamed_force`.
 """
-
-from typing import Any
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -15,6 +13,7 @@ from ..._internal.checks import is_concrete
 from ..._internal.dependence import known_part
 from ..._internal.memory import remember
 from ...geometry.bonds import Families
+from ...models.base import AbstractModel, PointStateModel
 from ...models.pointwise import split_model
 from .backend import Backend
 from .streaming import reference_moments, reference_sums, streamed_force
@@ -28,7 +27,7 @@ class Streamed(Backend):
     reference: Array  # (entries, flat)
     horizon: Array
 
-    def force(self, model: Any, u: Float[Array, "points dim"], F: Array | None) -> Float[Array, "points dim"]:
+    def force(self, model: AbstractModel, u: Float[Array, "points dim"], F: Array | None) -> Float[Array, "points dim"]:
         """f of every point; see `Backend.force`."""
         gradient = None if F is None else F - jnp.eye(u.shape[1], dtype=u.dtype)
         split = split_model(model, len(u))
@@ -36,17 +35,18 @@ class Streamed(Backend):
 
 
 @eqx.filter_jit
-def _reference(model: Any, traversal: Traversal, horizon: Array, points: int, dim: int) -> Array:
+def _reference(model: AbstractModel, traversal: Traversal, horizon: Array, points: int, dim: int) -> Array:
     return reference_sums(split_model(model, points), traversal, dim, horizon)
 
 
-def prepare_streamed(model: Any, families: Families, kind: Any) -> Streamed:
+def prepare_streamed(model: AbstractModel, families: Families, kind: type[Traversal]) -> Streamed:
     """The streamed backend. `kind` is the class of its traversal, `SlotTraversal` or `LatticeTraversal`."""
+    assert isinstance(model, PointStateModel)
     points, name = len(families), kind.__name__
     known = is_concrete(families)
     traversal = remember(families, ("traversal", name), lambda: kind.of(families)) if known else kind.of(families)
 
-    def sums(model: Any) -> Array:
+    def sums(model: AbstractModel) -> Array:
         return _reference(model, traversal, families.horizon, points, families.dim)
 
     part = None

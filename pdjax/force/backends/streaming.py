@@ -1,8 +1,9 @@
 # mypy: disable-error-code="arg-type, union-attr"
-"""The force density of a model made of moments, computed by streaming over the bonds.
+"""The formulas of streaming: forces and reference sums, computed slot by slot. The backend class is in `streamed`.
 
-Memory is a few numbers for each point and never grows with points × bonds. There are two passes over the bonds b of
-every point i, each with a neighbour j:
+The functions of this module keep nothing between calls. They apply to models made of moments. Memory is a few numbers
+for each point and never grows with points × bonds. There are two passes over the bonds b of every point i, each with a
+neighbour j:
 
     first pass    A_i = state(Σ_b moments(bond b))
     second pass   f_i = Σ_b V_j [t(A_i, A_j, bond) − t(A_j, A_i, −bond)]
@@ -14,16 +15,17 @@ configuration alone.
 
 from collections.abc import Callable
 from functools import partial
-from typing import Any
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jax.tree_util import PyTreeDef
+from jax.typing import DTypeLike
+from jaxtyping import Array, Float, PyTree
 
 from ...geometry.bonds import Bonds
-from ...models.base import PointStateModel, Sums
+from ...models.base import AbstractModel, PointStateModel, Sums
 from ...models.pointwise import directions_of_rest, split_model
 from .components import by_components, join
 from .traversal import LatticeTraversal, Slot, Traversal
@@ -40,7 +42,7 @@ class _Varying:
     `split` is the result of `split_model`.
     """
 
-    def __init__(self, split: tuple[Any, Any], traversal: Traversal):
+    def __init__(self, split: tuple[PyTree, AbstractModel], traversal: Traversal):
         varying, self.shared = split
         leaves, self.structure = jax.tree.flatten(varying)
         self.shapes = [x.shape[1:] for x in leaves]
@@ -103,7 +105,7 @@ def _bond(
     return Bonds(xi, eta, _one(slot.omega), _one(far), _one(horizon))
 
 
-def _one(x: Any) -> np.ndarray:
+def _one(x: object) -> np.ndarray:
     out = np.empty((), dtype=object)
     out[()] = x
     return out
@@ -133,7 +135,7 @@ def _over_slots(traversal: Traversal, body: Callable, start: list[Array], pairs:
     return add(total, left) if len(whole) < len(numbers) else total
 
 
-def _sizes(model: PointStateModel, which: int, dim: int, dtype: Any) -> tuple[Any, list[tuple[int, ...]]]:
+def _sizes(model: PointStateModel, which: int, dim: int, dtype: DTypeLike) -> tuple[PyTreeDef, list[tuple[int, ...]]]:
     """Structure and shapes of the reference moments (`which` = 0) or the deformed moments (1)."""
     one = Bonds(*(jax.ShapeDtypeStruct(s, dtype) for s in ((dim,), (dim,), (), (), ())))
     tree = jax.eval_shape(model.moments, one)[which]
@@ -141,11 +143,11 @@ def _sizes(model: PointStateModel, which: int, dim: int, dtype: Any) -> tuple[An
     return structure, [x.shape for x in leaves]
 
 
-def _entries(tree: Any) -> list:
+def _entries(tree: PyTree) -> list:
     return [e for x in jax.tree.leaves(tree) for e in x.reshape(-1)]
 
 
-def _trees(structure: Any, shapes: list[tuple[int, ...]], rows: Any) -> Any:
+def _trees(structure: PyTreeDef | None, shapes: list[tuple[int, ...]], rows: list[Array] | Array) -> PyTree:
     """Rows, one for each entry → a tree of components."""
     leaves, at = [], 0
     for shape in shapes:
@@ -193,7 +195,7 @@ def _sum_moments(varying: _Varying, traversal: Traversal, which: int, u: Array, 
     return jnp.stack(total) if count else jnp.zeros((0, flat), dtype)
 
 
-def reference_moments(model: PointStateModel, points: int, dim: int) -> Any:
+def reference_moments(model: PointStateModel, points: int, dim: int) -> PyTree:
     """The contribution of one bond to `reference_sums`. Tracing it shows on which constants it depends."""
     varying, shared = split_model(model, points)
     first = eqx.combine(jax.tree.map(lambda x: x[0], varying), shared)
@@ -201,7 +203,7 @@ def reference_moments(model: PointStateModel, points: int, dim: int) -> Any:
 
 
 def reference_sums(
-    split: tuple[Any, Any], traversal: Traversal, dim: int, horizon: Array
+    split: tuple[PyTree, AbstractModel], traversal: Traversal, dim: int, horizon: Array
 ) -> Float[Array, "entries flat"]:
     """The reference moments summed over every family.
 
@@ -233,7 +235,7 @@ def reference_sums(
     return jnp.where(empty, rows[:, None], sums)
 
 
-def _states(single: PointStateModel, of: Callable, own: list, dim: int, dtype: Any, sums: tuple, horizon: Array):
+def _states(single: PointStateModel, of: Callable, own: list, dim: int, dtype: DTypeLike, sums: tuple, horizon: Array):
     """The point states from both sums (entries, flat): structure, shapes, and one row (flat,) for each entry.
 
     `single` is a model of one point, which gives the shapes. `of` makes a model from constants, and `own` holds these
@@ -251,17 +253,17 @@ def _states(single: PointStateModel, of: Callable, own: list, dim: int, dtype: A
     return structure, [x.shape for x in leaves], rows
 
 
-def state_rows(model: PointStateModel, dim: int, dtype: Any, sums: tuple[Array, Array], horizon: Array) -> list:
+def state_rows(model: PointStateModel, dim: int, dtype: DTypeLike, sums: tuple[Array, Array], horizon: Array) -> list:
     """The point states of a body of one material from both sums (entries, points), one row for each entry."""
     return _states(model, lambda leaves: model, [], dim, dtype, sums, horizon)[2]
 
 
 def streamed_force(
-    split: tuple[Any, Any],
+    split: tuple[PyTree, AbstractModel],
     traversal: Traversal,
     reference: Array,
     u: Float[Array, "points dim"],
-    gradient: Any,
+    gradient: Array | None,
     horizon: Array,
 ) -> Float[Array, "points dim"]:
     """f of every point, in two passes over the bonds.

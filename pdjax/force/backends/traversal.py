@@ -35,7 +35,7 @@ from ...geometry.bonds import Families, Grid
 UNROLLED = (9, 8, 7, 6, 10)
 
 
-def to_cells(x: Any, cells: tuple[int, ...], sites: Any) -> Any:
+def to_cells(x: Array | np.ndarray, cells: tuple[int, ...], sites: Array | np.ndarray | None) -> Any:
     """(points, components) → (components, *cells), with 0 in empty cells. A NumPy array gives a NumPy array."""
     x = x.T
     if sites is not None and isinstance(x, np.ndarray):
@@ -55,7 +55,7 @@ def from_cells(x: Array, sites: Array | None) -> Array:
 class Slot(NamedTuple):
     """One slot: the places of the neighbours and the data of the bonds, one value a point or one shared by all."""
 
-    at: Any
+    at: Array  # indices (flat,), or one shift of a lattice
     xi: list[Array]  # one array for each component
     omega: Array
     back: Array | None  # ω of the reverse bonds, or None if they equal `omega`
@@ -142,7 +142,7 @@ class LatticeTraversal(eqx.Module):
 
     @staticmethod
     def of(families: Families) -> "LatticeTraversal":
-        grid: Any = families.grid
+        grid = families.grid
         assert isinstance(grid, Grid)
         offsets = np.array(grid.offsets).reshape(-1, families.dim)
         reach = np.abs(offsets).max(axis=0, initial=0)
@@ -176,7 +176,7 @@ class LatticeTraversal(eqx.Module):
     def volumes(self) -> Array:
         return self.cell * self.filled
 
-    def embed(self, x: Any) -> Any:
+    def embed(self, x: Array | np.ndarray) -> Any:
         """(points, components) → (components, flat), with 0 in empty cells. A NumPy array gives a NumPy array."""
         x = to_cells(x, self.cells, self.sites)
         for axis, (b, e, wraps) in enumerate(zip(self.before, self.behind, self.periodic, strict=True)):

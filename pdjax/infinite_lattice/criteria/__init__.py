@@ -5,10 +5,20 @@ at=None) → `Outcome`. `at` is the `Outcome.at` of an earlier call: the criteri
 there. A criterion without a search ignores it. To add one, write such a function and add a line to `CRITERIA`. Only
 "symbol", which searches the Brillouin zone, takes the zone before `at`.
 
+The modules, in the order in which to read them:
+
+    outcome          the result of a criterion, and its verdict
+    point            criteria of one point or of one family, without waves
+    waves            the criteria "symbol", "affine" and "local"
+    flutter          the criterion "symbol" for a model without an energy
+    continuum        the criterion "continuum"
+    on_host          criteria of concrete models, for maps of many states
+    critical_load    critical loads along a path, and stable orders
+
 Sources: Silling 2017 (material), Behzadinasab & Foster (diagonal, continuum), Born & Huang 1954 (symbol).
 """
 
-from typing import Any
+from collections.abc import Callable
 
 import equinox as eqx
 import jax
@@ -28,7 +38,7 @@ from .outcome import Outcome, Stability, margin_tolerance, verdicts
 from .point import block, diagonal, material, material_center, material_neighbour
 from .waves import affine, local, symbol
 
-CRITERIA = {
+CRITERIA: dict[str, Callable[..., Outcome]] = {
     "diagonal": diagonal,
     "block": block,
     "material": material,
@@ -57,7 +67,7 @@ def evaluate(
     """
     if criterion == "symbol":
         return symbol(model, family, F, zone, at, fastest)
-    return CRITERIA[criterion](model, family, F, at)  # type: ignore[operator]
+    return CRITERIA[criterion](model, family, F, at)
 
 
 def family_zone(family: LatticeFamily, symmetry: str, resolution: int | None) -> Zone:
@@ -141,37 +151,41 @@ def stability(
     Raises
     ------
     ValueError
-        If the criterion is unknown, if det F ≤ 0, if the family is too small for the model, if the P-wave modulus
-        λ + 2μ of the law at rest is not positive, or if the model lacks what the criterion needs: "local" needs a
-        classical law, and "continuum" needs a point state and no zero-energy control.
+        If the criterion is unknown, if det F ≤ 0, if the family is too small for the model, if the P-wave modulus M of
+        the model at rest is not positive, or if the model lacks what the criterion needs: "local" needs a classical
+        law, and "continuum" needs a point state and no zero-energy control.
 
     Notes
     -----
-    Every criterion is a quantity that is negative in a stable state. M is the P-wave modulus and h the spacing.
+    Every criterion is a quantity that is negative in a stable state. Its margin is that quantity divided by a positive
+    unit. M is the P-wave modulus of the model at rest [pressure], which is lam + 2 mu of a classical law. h is the
+    spacing, w = ω V the weight of a bond, and K = Σ w ξ⊗ξ the shape tensor.
 
-    - "diagonal": the largest diagonal entry of D = ∂f(X)/∂x(X), the block of the Jacobian at one point. It is a
-      necessary condition only, because D is the mean of the symbol over all waves. This is the criterion of the paper.
-    - "block": the largest eigenvalue of D. It is a necessary condition only, for the same reason.
-    - "material_center": −dT·dY if the centre of one family moves. dY is the increment of its deformed bonds, dT that of
-      its force states, and dT·dY their work.
-    - "material_neighbour": −dT·dY if one neighbour moves.
-    - "material": −dT·dY for the worst dY of one family, translations and rotations excluded.
-    - "symbol": the largest λ/(M κ²) of all waves, the limit k → 0 included, with κ² = Σ_i ((2/h) sin(k_i h/2))². It is
-      exact on the infinite lattice, because every small perturbation is a sum of such waves. λ can be complex for a
-      model without an energy. Then (Re √λ)² takes its place.
+    - "diagonal": the largest diagonal entry of D = ∂f(X)/∂x(X), the block of the Jacobian at one point, divided by
+      2 dim M/h². It is a necessary condition only, because D is the mean of the symbol over all waves. This is the
+      criterion of the paper.
+    - "block": the largest eigenvalue of D, divided by 2 dim M/h². For the same reason it is a necessary condition only.
+    - "material_center": −dT·dY if the centre of one family moves, divided by (M/K₁₁) Σ w |dY|². dY is the increment of
+      its deformed bonds, dT that of its force states, and dT·dY = Σ V dT·dY their work.
+    - "material_neighbour": the same if one neighbour moves.
+    - "material": the same for the worst dY of one family, translations and rotations excluded.
+    - "symbol": the largest λ of all waves, each divided by M κ² with κ² = Σ_i ((2/h) sin(k_i h/2))². The limit k → 0
+      is included. The criterion is exact on the infinite lattice, because every small perturbation is a sum of such
+      waves. λ can be complex for a model without an energy. Then (Re √λ)² takes its place.
     - "affine": minus the smallest eigenvalue of the acoustic tensor of W(F), the energy of affine maps of the family,
-      in the worst direction. It is the long-wave limit k → 0 of "symbol".
-    - "local": the same for ψ(F), the classical law behind the model. It differs from "affine" for Seth–Hill models with
-      m ≠ 1.
-    - "continuum": the largest eigenvalue of D in the limit h → 0 at fixed horizon. Only its sign has a meaning.
+      in the worst direction, divided by M. It is the long-wave limit k → 0 of "symbol".
+    - "local": the same for ψ(F), the classical law behind the model, divided by M. It differs from "affine" for
+      Seth–Hill models with m ≠ 1.
+    - "continuum": the largest eigenvalue of D in the limit h → 0 at fixed horizon, for bonds of length 1 with weights
+      of sum 1, divided by M. Only its sign has a meaning.
 
     First derivatives of the margin in `model`, `family` and `F` are exact, by the envelope theorem. Higher derivatives
     are not available.
 
     References
     ----------
-    Silling 2017 (material); Behzadinasab & Foster, Eqs. finaldf (diagonal) and dfcontinuum to gammaCondition
-    (continuum); Born & Huang 1954 (symbol).
+    Silling 2017 (material); Behzadinasab & Foster, section 3.2, diagonal of the Jacobian (diagonal) and its
+    continuum limit (continuum); Born & Huang 1954 (symbol).
 
     Examples
     --------
@@ -199,7 +213,7 @@ def stability(
         check_at_rest(model, family)
         out = _stability(model, family, F, criterion, zone.intervals, zone.symmetry)
     tolerance = margin_tolerance(family.xi.dtype, out.scale)
-    numbers: Any = on_device((out.margin, out.eigenvalue, out.mode, out.wave_vector, out.direction, tolerance))
+    numbers = on_device((out.margin, out.eigenvalue, out.mode, out.wave_vector, out.direction, tolerance))
     margin, eigenvalue, mode, wave_vector, direction, tolerance = numbers
     resolution = zone.intervals if criterion == "symbol" else None
     return Stability(criterion, margin, eigenvalue, mode, wave_vector, direction, tolerance, resolution)
@@ -211,6 +225,7 @@ __all__ = [
     "Stability",
     "at_found",
     "check_at_rest",
+    "critical_load",
     "evaluate",
     "family_zone",
     "kept_symmetry",

@@ -8,7 +8,7 @@ In this limit only the stress term −2 ∫ B dξ remains, with B = ∂t/∂η a
   directions form a family of bonds of length 1, to which the functions of a model apply unchanged.
 
 For the Seth–Hill model under the hydrostatic strain a the margin has the sign of −aΓ(m). Source: Behzadinasab & Foster,
-Eqs. dfcontinuum to gammaCondition.
+section 3.2 (continuum limit) and section 3.2.1 (Γ).
 """
 
 from functools import lru_cache
@@ -19,7 +19,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ...geometry.bonds import Bonds, LatticeFamily
-from ...models.base import AbstractModel
+from ...models.base import AbstractModel, PointStateModel
 from ...tangent.linearise import linearise_states
 from ..bloch import modulus_at_rest
 from .outcome import Outcome, decide
@@ -42,7 +42,7 @@ def sphere_rule(dim: int) -> tuple[np.ndarray, np.ndarray]:
 
 def continuum(model: AbstractModel, family: LatticeFamily, F: Float[Array, "dim dim"], at=None) -> Outcome:
     """λ_max(−2 Σ_n weight · B(n)) / M with bonds n of length 1. `family` enters only through M."""
-    if not model.by_state or model.controlled:
+    if not isinstance(model, PointStateModel) or model.controlled:
         raise ValueError(
             "criterion 'continuum' uses the same B(ξ) for bonds of all lengths, so it needs a model with a point state"
             f" and without control of zero-energy modes; got {type(model).__name__}. Use another criterion"

@@ -17,15 +17,17 @@ at once, for every law (`load_slope`). Its zeros in m bound the orders that are 
 (`stable_orders`).
 """
 
-from typing import Any
+from collections.abc import Callable
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jax.typing import DTypeLike
+from jaxtyping import Array, Float, PyTree
 
-from ..._internal.checks import as_array, choice, computed_in_double, frozen, is_concrete, sign_of
+from ..._internal.checks import Numbers, as_array, choice, computed_in_double, frozen, is_concrete, sign_of
+from ..._internal.implicit_step import implicit_step
 from ..._internal.public import public_function
 from ...force.fields import check_model
 from ...geometry.bonds import LatticeFamily
@@ -100,21 +102,21 @@ def _polished(model, family, path: Path, criterion: str, sign, zone: Zone, found
     """
     low, high, exists, at = found
     real = family.xi.dtype
+    low, high = (jnp.where(exists, x, 0.5) for x in (low, high))  # Infinity would make derivatives NaN.
     root = sign * high
 
     def margin(a):
         return evaluate(criterion, model, family, path(a, model, family), zone, at).margin
 
-    value, slope = jax.jvp(margin, (root,), (jnp.ones_like(root),))
-    step = value / jax.lax.stop_gradient(slope)
-    blur = 4 * margin_tolerance(real) / jnp.abs(jax.lax.stop_gradient(slope))
+    step, slope = implicit_step(margin, root)
+    blur = 4 * margin_tolerance(real) / jnp.abs(slope)
     near = jnp.abs(jax.lax.stop_gradient(step)) <= 100 * (high - low) + 1e-6 * high + blur
     edge = root - jnp.where(near, step, step - jax.lax.stop_gradient(step))
     at_once = (high <= SMALLEST) | (jnp.abs(jax.lax.stop_gradient(edge)) <= jnp.minimum(blur, 1e-3))
     return jnp.where(exists, jnp.where(at_once, jnp.zeros((), real), edge), sign * jnp.inf)
 
 
-def _one_by_one(function: Any) -> Any:
+def _one_by_one(function: Callable[[PyTree], PyTree]) -> Callable[[PyTree], PyTree]:
     """A function of a tree of arrays that `vmap` evaluates in a loop, so that a batch costs as much as a loop.
 
     A batched `while_loop` would run until its slowest element has finished.
@@ -135,7 +137,9 @@ def _one_by_one(function: Any) -> Any:
 
 
 @eqx.filter_jit
-def _traced(model, family, path, criterion: str, sign: Any, samples: Any, intervals: int, symmetry: str) -> Array:
+def _traced(
+    model, family, path, criterion: str, sign: Numbers, samples: Numbers, intervals: int, symmetry: str
+) -> Array:
     zone = brillouin_zone(family.dim, intervals, symmetry)
     arrays, rest = eqx.partition((model, family, path, sign, samples), eqx.is_array)
 
@@ -203,7 +207,7 @@ def _host_edge(setting: tuple, criterion: str, sign: float, samples: np.ndarray,
     return (low, high, True, at_high), seen
 
 
-def _secant(low: float, high: float, seen: list[np.ndarray], real: Any) -> float:
+def _secant(low: float, high: float, seen: list[np.ndarray], real: DTypeLike) -> float:
     """|a| at the zero of the margin, by the secant from `high` to an evaluated load at a distance of about SPAN.
 
     The result is 0 if the zero cannot be distinguished from the undeformed state.
@@ -224,7 +228,7 @@ def _secant(low: float, high: float, seen: list[np.ndarray], real: Any) -> float
 def critical_load(
     model: AbstractModel,
     family: LatticeFamily,
-    path: Path | Any = hydrostatic,
+    path: Path = hydrostatic,
     criterion: str = "symbol",
     side: str = "negative",
     limit: float | None = None,
@@ -239,7 +243,8 @@ def critical_load(
     family : LatticeFamily
         One family of the lattice, from `lattice_family`.
     path : callable, optional
-        Load path (a, model, family) → F with F = I at a = 0, such as `hydrostatic`.
+        Load path: a function (a, model, family) → F with F = I at a = 0, such as `hydrostatic`. Names are not accepted.
+        `PATHS` holds the functions behind the names of the command line, as in `pd.PATHS["uniaxial-stress"]`.
     criterion : str, optional
         Criterion of stability, see `stability`.
     side : str, optional
@@ -324,7 +329,7 @@ def load_slope(
     family : LatticeFamily
         One family of the lattice, from `lattice_family`.
     path : callable, optional
-        Load path (a, model, family) → F, such as `hydrostatic`.
+        Load path: a function (a, model, family) → F, such as `hydrostatic`, not its name.
     side : str, optional
         Sign of the loads: "negative" or "compression", "positive" or "tension".
 
@@ -392,7 +397,7 @@ def stable_orders(
     law : Law
         Law of the Seth–Hill model.
     path : callable, optional
-        Load path (a, model, family) → F, such as `hydrostatic`.
+        Load path: a function (a, model, family) → F, such as `hydrostatic`, not its name.
     side : str, optional
         Sign of the loads: "negative" or "compression", "positive" or "tension".
     bound : float, optional

@@ -17,7 +17,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float
 
-from ..bloch import Phases, Tangent
+from ..._internal.checks import Numbers
+from ..bloch import Phases, Tangent, laplacian
 from ..brillouin import Zone, directions
 from ..cosine_series import on_grid
 
@@ -44,7 +45,7 @@ def _pair(J: Float[Array, "dim dim"]) -> tuple[Array, Array]:
     return right[:, which], jnp.linalg.inv(right)[which]
 
 
-def search(blocks: Float[Array, "offsets dim dim"], offsets: np.ndarray, zone: Zone) -> tuple[tuple, tuple, Array]:
+def search(blocks: Float[Numbers, "offsets dim dim"], offsets: np.ndarray, zone: Zone) -> tuple[tuple, tuple, Array]:
     """Search the grid and the limit k → 0 of one state, whose cosine series `blocks` is in units of M/h².
 
     The result has three parts: for the margin (wave x [1/spacing], whether it is the limit k → 0, right and left
@@ -55,7 +56,7 @@ def search(blocks: Float[Array, "offsets dim dim"], offsets: np.ndarray, zone: Z
     short = on_grid(blocks.reshape(len(offsets), -1), offsets, list(zone.axes)).reshape(dim * dim, -1)[:, zone.places]
     long = -((compass @ jnp.asarray(offsets, real).T) ** 2) @ blocks.reshape(len(offsets), -1)
     J = jnp.concatenate([short.T, long]).reshape(-1, dim, dim)
-    unit = jnp.concatenate([jnp.sum(4 * jnp.sin(grid / 2) ** 2, axis=1), jnp.ones(len(compass), real)])
+    unit = jnp.concatenate([laplacian(grid), jnp.ones(len(compass), real)])
     square = _fastest(J)
     square = jnp.where(jnp.isnan(square), -jnp.inf, square)
     screen = square / unit

@@ -10,15 +10,15 @@ criteria are traced directly (`pdjax.infinite_lattice.criteria.evaluate`).
 
 from collections.abc import Callable
 from functools import lru_cache, partial
-from typing import Any
 
 import equinox as eqx
 import jax
 import numpy as np
 
-from ..._internal.checks import computed_in_double
+from ..._internal.checks import Numbers, computed_in_double
 from ...geometry.bonds import LatticeFamily
 from ...models.base import AbstractModel
+from ..bloch import laplacian, squared_chord
 from ..brillouin import Zone, brillouin_zone
 from ..cosine_series import packed, reached
 from ..lattice_states import STATES, States, check_at_rest, checked_states, has_series, rings
@@ -30,7 +30,9 @@ MANY = {1: 64, 2: 256, 3: 64}
 
 
 @lru_cache(maxsize=64)
-def _search(dim: int, bonds: int, rings: int, intervals: int, symmetry: str) -> Any:
+def _search(
+    dim: int, bonds: int, rings: int, intervals: int, symmetry: str
+) -> Callable[[np.ndarray, np.ndarray], Found]:
     """The search for many states as one program, which depends on sizes only."""
     offsets, zone = reached(dim, bonds, rings), brillouin_zone(dim, intervals, symmetry)
     return jax.jit(partial(search, offsets=offsets, zone=zone, group=MANY[dim]))
@@ -48,12 +50,11 @@ def searched(states: States, model: AbstractModel, family: LatticeFamily, zone: 
     return Found(*(x[:count] for x in computed_in_double(program, padded, np.asarray(count))))
 
 
-def _work(blocks: np.ndarray, offsets: np.ndarray, x: Any, is_long: Any, v: Any) -> tuple:
+def _work(blocks: np.ndarray, offsets: np.ndarray, x: Numbers, is_long: Numbers, v: Numbers) -> tuple:
     """(vᵀ Ĵ v, κ²) of every state at its wave x [1/spacing], in the units of the blocks."""
     angle = x @ offsets.T
-    c = np.where(is_long[:, None], angle**2, 4 * np.sin(angle / 2) ** 2)
-    kappa2 = np.where(is_long[:, None], x**2, 4 * np.sin(x / 2) ** 2).sum(axis=1)
-    return -np.einsum("so,si,soij,sj->s", c, v, blocks, v), kappa2
+    c = squared_chord(angle, is_long[:, None])
+    return -np.einsum("so,si,soij,sj->s", c, v, blocks, v), laplacian(x, is_long[:, None])
 
 
 def from_states(

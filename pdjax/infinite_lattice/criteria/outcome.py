@@ -1,14 +1,14 @@
 """The result of a criterion: traced numbers (`Outcome`), and the verdict in words on the host (`Stability`)."""
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, PyTree
 
-from ..._internal.checks import namespace
+from ..._internal.checks import Numbers, namespace
 from ..._internal.shown import told
 from ..brillouin import top_pair
 
@@ -21,13 +21,13 @@ class Outcome(NamedTuple):
     second order. `scale` is the size of the terms whose rounding limits the margin.
     """
 
-    margin: Any  # Shape () for one state. A leading axis, if there is one, counts states.
-    eigenvalue: Any
-    mode: Any
-    wave_vector: Any = None  # (dim,)
-    direction: Any = None  # (dim,)
-    scale: Any = 1.0
-    at: Any = None
+    margin: Numbers  # Shape () for one state. A leading axis, if there is one, counts states.
+    eigenvalue: Numbers
+    mode: Numbers
+    wave_vector: Numbers | None = None  # (dim,)
+    direction: Numbers | None = None  # (dim,)
+    scale: Numbers | float = 1.0
+    at: PyTree = None
 
 
 def decide(A: Float[Array, "n n"], at: Float[Array, " n"] | None = None) -> tuple[Array, Array]:
@@ -95,7 +95,7 @@ class Stability(eqx.Module):
         return told(self)
 
     def __str__(self) -> str:
-        def text(values: Any) -> str:
+        def text(values: Numbers) -> str:
             return np.array2string(np.asarray(values), precision=4)
 
         lines = [f"{self.criterion}: {self.verdict}, margin {text(self.margin)}"]

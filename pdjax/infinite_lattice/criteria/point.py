@@ -1,6 +1,6 @@
 """Criteria of one point or of one family of bonds, which are cheap and do not consider waves.
 
-    diagonal            max_k D_kk < 0, D = ∂f(X)/∂x(X)                      (Behzadinasab & Foster, Eq. finaldf)
+    diagonal            max_k D_kk < 0, D = ∂f(X)/∂x(X)                      (Behzadinasab & Foster, section 3.2)
     block               λ_max(D) < 0
     material_center     dT·dY = Σ V δT·δY > 0 if the centre moves: δY = −e on every bond     (Silling 2017)
     material_neighbour  the same if one neighbour moves

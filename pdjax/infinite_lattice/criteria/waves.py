@@ -11,18 +11,18 @@ without an energy, the growth of its modes takes the place of λ_max (`flutter`)
 """
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from ..._internal.checks import namespace
+from ..._internal.checks import Numbers, namespace
 from ...force.fields import affine_stress
 from ...geometry.bonds import LatticeFamily
 from ...models.base import AbstractModel
-from ..bloch import Phases, homogeneous_tangent, long_wave_phases, modulus_at_rest, wave_phases
+from ..bloch import Phases, homogeneous_tangent, laplacian, long_wave_phases, modulus_at_rest, wave_phases
 from ..brillouin import Zone, class_best, directions, largest_eigenvalue, nudge, second_best, top_pair
 from ..climb import climb
 from ..cosine_series import Forms, Series, entries, forms, on_grid, packed, reached, series, upper
@@ -41,15 +41,17 @@ class Found(NamedTuple):
     k → 0. `fast_x` and `fast_mode` belong to the largest eigenvalue. `scale` is the largest |quotient| on the grid.
     """
 
-    x: Float[Any, "states dim"]
-    is_long: Bool[Any, " states"]
-    mode: Float[Any, "states dim"]
-    fast_x: Float[Any, "states dim"]
-    fast_mode: Float[Any, "states dim"]
-    scale: Float[Any, " states"]
+    x: Float[Numbers, "states dim"]
+    is_long: Bool[Numbers, " states"]
+    mode: Float[Numbers, "states dim"]
+    fast_x: Float[Numbers, "states dim"]
+    fast_mode: Float[Numbers, "states dim"]
+    scale: Float[Numbers, " states"]
 
 
-def _screen(blocks: Float[Any, "offsets p"], offsets: np.ndarray, zone: Zone) -> tuple[Any, Any, Any]:
+def _screen(
+    blocks: Float[Numbers, "offsets p"], offsets: np.ndarray, zone: Zone
+) -> tuple[Numbers, Numbers, Array | np.floating]:
     """The starts (lanes, dim) of one state, Ĵ at the starts (lanes, p), and the largest |quotient| on the grid.
 
     The starts are the best wave of every class, the second best wave of all, the wave of the largest eigenvalue, and
@@ -59,7 +61,7 @@ def _screen(blocks: Float[Any, "offsets p"], offsets: np.ndarray, zone: Zone) ->
     grid, compass = zone.grid.astype(real), directions(dim).astype(real)
     values = on_grid(blocks, offsets, list(zone.axes)).reshape(blocks.shape[1], -1)[:, zone.places]
     top = largest_eigenvalue(entries(values, dim))
-    screen = top / np.sum(4 * np.sin(grid / 2) ** 2, axis=1)
+    screen = top / laplacian(grid)
     (rows, columns), _ = upper(dim)
     pairs = compass[:, rows] * compass[:, columns] * np.where(rows == columns, 1, 2).astype(real)
     fourth = (offsets[:, rows] * offsets[:, columns]).astype(real).T @ blocks
@@ -71,7 +73,11 @@ def _screen(blocks: Float[Any, "offsets p"], offsets: np.ndarray, zone: Zone) ->
 
 
 def search(
-    blocks: Float[Any, "states offsets p"], count: Any, offsets: np.ndarray, zone: Zone, group: int | None = None
+    blocks: Float[Numbers, "states offsets p"],
+    count: Array | int,
+    offsets: np.ndarray,
+    zone: Zone,
+    group: int | None = None,
 ) -> Found:
     """Search the Brillouin zone for the first `count` states in one program. The results of the other states are unset.
 
@@ -90,7 +96,7 @@ def search(
     return jax.lax.fori_loop(0, -(-count // group), one_group, blank)
 
 
-def search_few(blocks: np.ndarray, offsets: np.ndarray, zone: Zone) -> Found:
+def search_few(blocks: Numbers, offsets: np.ndarray, zone: Zone) -> Found:
     """`search` for a few states in NumPy, which compiles nothing."""
     with np.errstate(all="ignore"):  # Values that are not finite lose every comparison.
         each = [_screen(state, offsets, zone) for state in blocks]
@@ -98,7 +104,7 @@ def search_few(blocks: np.ndarray, offsets: np.ndarray, zone: Zone) -> Found:
         return _climbed(blocks, (starts, at, scale), offsets, zone)
 
 
-def _screened(blocks: Float[Any, "states offsets p"], count: Any, offsets: np.ndarray, zone: Zone) -> tuple:
+def _screened(blocks: Float[Numbers, "states offsets p"], count: Array | int, offsets: np.ndarray, zone: Zone) -> tuple:
     """`_screen` of the first `count` states, one after another."""
     (states, _, size), dim, lanes = blocks.shape, offsets.shape[1], len(zone.members) + 3
 
@@ -109,7 +115,7 @@ def _screened(blocks: Float[Any, "states offsets p"], count: Any, offsets: np.nd
     return jax.lax.fori_loop(0, count, one, (*blank, jnp.zeros(states, blocks.dtype)))
 
 
-def _climbed(blocks: Any, screened: tuple, offsets: np.ndarray, zone: Zone) -> Found:
+def _climbed(blocks: Numbers, screened: tuple, offsets: np.ndarray, zone: Zone) -> Found:
     """Let all starts climb in one batch, and return for each state the best of the starts and of their maxima."""
     starts, at, scale = screened
     xp, (states, lanes, dim), real = namespace(blocks), starts.shape, blocks.dtype
@@ -117,7 +123,7 @@ def _climbed(blocks: Any, screened: tuple, offsets: np.ndarray, zone: Zone) -> F
     _, place = upper(dim)
     finite = xp.isfinite(at).all(axis=-1)  # NumPy's eigh raises an error for NaN.
     values, vectors = xp.linalg.eigh(xp.where(finite[..., None], at, 0)[..., place])
-    kappa2 = xp.where(bare, 1.0, xp.where(long[:, None], starts**2, 4 * xp.sin(starts / 2) ** 2).sum(axis=-1))
+    kappa2 = xp.where(bare, 1.0, laplacian(starts, long[:, None]))
     at_start = xp.where(finite, values[..., -1] / kappa2, -xp.inf)
     sums = Series.of(blocks, offsets)
     begin = starts + nudge(dim, zone.step).astype(real)
@@ -191,7 +197,7 @@ def _by_growth(tangent, M: Array, family: LatticeFamily, zone: Zone, at) -> Outc
     return Outcome(margin, eigenvalue, mode, k / family.spacing, x / jnp.linalg.norm(x), scale, at)
 
 
-def _acoustic_forms(fourth: Float[Array, "dim dim dim dim"], N: Float[Array, "*lanes dim"]) -> Forms:
+def _acoustic_forms(fourth: Float[Array, "dim dim dim dim"], N: Float[Numbers, "*lanes dim"]) -> Forms:
     """−(N·A·N) / |N|² with derivatives. A (i, J, k, L) is made symmetric in J, L and in i, k."""
     A = (fourth + fourth.transpose(0, 3, 2, 1)) / 2
     A = -((A + A.transpose(2, 1, 0, 3)) / 2).transpose(1, 3, 0, 2)

@@ -16,6 +16,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.typing import ArrayLike
 
 from ..._internal.checks import choice, is_concrete
 from ...geometry.bonds import cells_within
@@ -60,7 +61,7 @@ def corrected_slips(form: str | Collection[str], known: tuple[str, ...]) -> froz
     return frozenset(form)
 
 
-def check_load(a: Any) -> jax.Array:
+def check_load(a: object) -> jax.Array:
     """Return `a` as an array; raise ValueError where a known value is ≤ −1, so that the stretch is not positive."""
     if is_concrete(a) and not np.all(np.asarray(a) > -1):
         raise ValueError(f"a must be > -1 for the stretch 1 + a to be positive; got {a!r}")
@@ -88,12 +89,12 @@ def _log1p_over(x):
 _LOG1P = ((-1.0) ** np.arange(12) / np.arange(1.0, 13.0))[::-1]
 
 
-def hydrostatic_strain(a: jax.Array, m: Any) -> jax.Array:
+def hydrostatic_strain(a: jax.Array, m: ArrayLike) -> jax.Array:
     """E_m(a) = ((1 + a)^{2m} − 1)/(2m), smooth in m at 0, where it equals log(1 + a)."""
     return seth_hill(jnp.log1p(a), m)
 
 
-def edge(z: jax.Array, m: Any) -> jax.Array:
+def edge(z: jax.Array, m: ArrayLike) -> jax.Array:
     """The root a of z (1 + a)^{2m} + E_m(a) = 0. Without a root a > −1 the result is ±inf, with the sign of −z."""
     t = 2 * jnp.asarray(m) * z
     exists = jnp.isfinite(t) & (t > -1)

@@ -9,7 +9,7 @@ vanishes at m_cr = 1 − d/2. For a constant influence R is infinite in 1D and 2
 unbounded, and only its sign has a meaning.
 
 Symbols: d is the dimension, δ the horizon, ω the influence, a the hydrostatic strain, m the order of the strain.
-Source: Behzadinasab & Foster, section 3.2.1 (eqn:Gamma, eqn:gammaDef), section 6.1 (eqn:altS).
+Source: Behzadinasab & Foster, section 3.2.1 (diagonal of the continuum, Γ) and section 6.1 (dT·dY of a moved centre).
 """
 
 import jax.numpy as jnp
@@ -45,7 +45,7 @@ def gamma(m, dim, form="corrected"):
 
     References
     ----------
-    Behzadinasab & Foster, proof of Proposition 1, after eqn:gammaCondition.
+    Behzadinasab & Foster, section 3.2.1, proof of Proposition 1.
 
     Examples
     --------
@@ -177,7 +177,7 @@ def continuum_diagonal(stress, a, m, dim, radial, form="corrected"):
 
     References
     ----------
-    Behzadinasab & Foster, eqn:dfcontinuum, eqn:Gamma.
+    Behzadinasab & Foster, section 3.2 (continuum limit of the diagonal) and section 3.2.1 (hydrostatic load).
 
     Examples
     --------
@@ -226,7 +226,7 @@ def material_test(stress, a, m, dim, radial, shift=1.0, form="corrected"):
 
     References
     ----------
-    Behzadinasab & Foster, eqn:altS.
+    Behzadinasab & Foster, section 6.1, dT·dY of a moved centre under a hydrostatic load.
 
     Examples
     --------

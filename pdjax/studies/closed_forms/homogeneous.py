@@ -14,8 +14,8 @@ All states are zero outside the family. The paper prints the same three terms; t
 and the last term are the diagonal of the paper. The last term alone is its continuum limit.
 
 Symbols: V is the volume of a point, ω the influence, S the stress and dS/dE the tangent of the law at Ē_m, η the vector
-to the moved point. Source: Behzadinasab & Foster, section 3 (eqn:uniformT, the display before eqn:finaldf,
-eqn:finaldf).
+to the moved point. Source: Behzadinasab & Foster, section 3.1 (force state of a uniform deformation) and section 3.2
+(general entry and diagonal of the Jacobian).
 """
 
 import itertools
@@ -113,7 +113,7 @@ def uniform_force_state(F, m, stress, xi, omega, volume):
 
     References
     ----------
-    Behzadinasab & Foster, eqn:uniformT.
+    Behzadinasab & Foster, section 3.1, force state of a uniform deformation.
 
     Examples
     --------
@@ -167,7 +167,7 @@ def jacobian_terms(eta, xi, omega, volume, F, m, stress, tangent):
 
     References
     ----------
-    Behzadinasab & Foster, the display before eqn:finaldf. For η = 0, k = l it is eqn:finaldf.
+    Behzadinasab & Foster, section 3.2, general entry of the Jacobian. For η = 0, k = l it is the diagonal there.
 
     Examples
     --------
@@ -227,7 +227,7 @@ def jacobian_entry(eta, xi, omega, volume, F, m, stress, tangent):
 
     References
     ----------
-    Behzadinasab & Foster, the display before eqn:finaldf.
+    Behzadinasab & Foster, section 3.2, general entry of the Jacobian.
 
     Examples
     --------
@@ -243,16 +243,16 @@ def jacobian_entry(eta, xi, omega, volume, F, m, stress, tangent):
 
 
 def static_integrand(here, there, form="corrected"):
-    """Compute what the static equation sums over the bonds: T[ξ](X) + T[ξ](X+ξ).
+    """Compute what the static equation sums over the bonds: T⟨ξ⟩(X) + T⟨ξ⟩(X+ξ).
 
     In a homogeneous state it equals 2T.
 
     Parameters
     ----------
     here : array, shape (bonds, dim)
-        T[ξ](X) [force/volume²].
+        T⟨ξ⟩(X) [force/volume²].
     there : array, shape (bonds, dim)
-        T[ξ](X+ξ) [force/volume²].
+        T⟨ξ⟩(X+ξ) [force/volume²].
     form : {"corrected", "printed"}
         The paper prints the difference instead of the sum.
 
@@ -266,13 +266,15 @@ def static_integrand(here, there, form="corrected"):
     ValueError
         If form is none of the values above.
 
-    Notes ----- T[ξ](X) = −T[−ξ](X+ξ), so the difference in the equation of motion becomes a sum. The printed difference
-    is zero for every bond and cannot equal 2T (slip S15). The conclusion of the paper, Σ T = 0 because T is odd, is
+    Notes
+    -----
+    T⟨ξ⟩(X) = −T⟨−ξ⟩(X+ξ), so the difference in the equation of motion becomes a sum. The printed difference is
+    zero for every bond and cannot equal 2T (slip S15). The conclusion of the paper, Σ T = 0 because T is odd, is
     right.
 
     References
     ----------
-    Behzadinasab & Foster, the display after eqn:TforTwo.
+    Behzadinasab & Foster, section 3.1, the static equation of a uniform deformation.
 
     Examples
     --------
@@ -286,7 +288,9 @@ def static_integrand(here, there, form="corrected"):
 def local_strain(F, m):
     """Compute the local Seth–Hill strain E_m = (C^m − I)/(2m), C = FᵀF; for m = 0 it is ½ log C.
 
-    It is computed from the eigenvectors of C. It is smooth in m, but not at repeated principal stretches.
+    F = ∂x/∂X is the deformation gradient of the map from reference positions X to current positions x. The strain is
+    computed from the eigenvectors of C. It is smooth in m, but its derivatives in F fail at repeated principal
+    stretches. `pdjax.local_strain` has smooth derivatives there too.
 
     Parameters
     ----------
@@ -302,7 +306,7 @@ def local_strain(F, m):
 
     References
     ----------
-    Behzadinasab & Foster, the local analogue of eqn:strains.
+    Behzadinasab & Foster, section 2, the local analogue of the nonlocal Seth–Hill strain.
 
     Examples
     --------
@@ -342,7 +346,7 @@ def nonlocal_strain(F, m, xi, omega):
 
     References
     ----------
-    Behzadinasab & Foster, eqn:C, eqn:strains.
+    Behzadinasab & Foster, section 2, nonlocal Cauchy–Green tensor and nonlocal Seth–Hill strain.
 
     Examples
     --------
@@ -385,7 +389,7 @@ def strain_defect(F, m, xi, omega):
 
     References
     ----------
-    Behzadinasab & Foster, the sentence after eqn:strains.
+    Behzadinasab & Foster, section 2, the sentence after the nonlocal Seth–Hill strain.
 
     Examples
     --------
@@ -420,7 +424,7 @@ def gradient_defect(F, xi, omega):
 
     References
     ----------
-    Behzadinasab & Foster, eqn:F.
+    Behzadinasab & Foster, section 2, nonlocal deformation gradient.
 
     Examples
     --------

@@ -18,7 +18,7 @@ m > 1 − S₀/(2 s_max) and compression for m < 1 − S₀/(2 s_min). As tr S_n
 and the second is not above it. So no order m is stable on both sides, and an order between the thresholds is stable on
 neither side.
 
-Source: derived here. The diagonal extends eqn:finaldf of Behzadinasab & Foster.
+Source: derived here. The diagonal extends that of Behzadinasab & Foster, section 3.2.
 """
 
 import jax.numpy as jnp
@@ -89,7 +89,7 @@ def lattice_diagonal(a, m, dim, N, lam, mu, spacing=1.0):
 
     References
     ----------
-    Derived here; it extends eqn:finaldf of Behzadinasab & Foster.
+    Derived here; it extends the diagonal of Behzadinasab & Foster, section 3.2.
 
     Examples
     --------
@@ -276,7 +276,9 @@ def hydrostatic_thresholds(dim, N, influence=None):
     ValueError
         If dim or N is out of range.
 
-    Notes ----- Between the two orders some wave is unstable on either side, however small the load. The thresholds do
+    Notes
+    -----
+    Between the two orders some wave is unstable on either side, however small the load. The thresholds do
     not depend on the law (κ > 0). They are necessary conditions only: waves at other wave vectors may be unstable too.
 
     References

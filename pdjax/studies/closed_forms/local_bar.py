@@ -7,8 +7,6 @@ Venant–Kirchhoff law in compression that is e = 1/√3 − 1, P = −0.192 E�
 (Euler's number), P = E₀/e. Beyond the end there is no solution, and the result is NaN.
 """
 
-from typing import Any
-
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -16,6 +14,7 @@ import numpy as np
 import optimistix as optx
 from jaxtyping import Array, Float
 
+from ..._internal.implicit_step import implicit_root
 from ...models.base import AbstractModel
 
 
@@ -68,7 +67,7 @@ def local_strain_of_stress(model: AbstractModel, stress) -> Float[Array, "..."]:
     0.1
     """
     stress = jnp.asarray(stress, dtype=float)
-    quiet: Any = jax.lax.stop_gradient(model)
+    quiet = jax.lax.stop_gradient(model)
     low, high = _branch_end(quiet, -1.0), _branch_end(quiet, 1.0)
 
     def one(target):
@@ -86,10 +85,7 @@ def local_strain_of_stress(model: AbstractModel, stress) -> Float[Array, "..."]:
             throw=False,
         )
         e = jnp.where(reachable & (frozen != 0), found.value * end, 0.0)
-        # Newton steps improve the root to rounding. They also give the derivatives of the implicit function theorem.
-        for _ in range(3):
-            slope = jax.grad(lambda x: uniaxial_piola(quiet, x))(jax.lax.stop_gradient(e))
-            e = e - (uniaxial_piola(model, e) - target) / slope
+        e = implicit_root(lambda x: uniaxial_piola(model, x) - target, e, order=3)  # The steps also improve its value.
         return jnp.where(reachable, e, jnp.nan)
 
     return jax.vmap(one)(stress.reshape(-1)).reshape(stress.shape)
@@ -121,11 +117,15 @@ def singular_bar_local(model: AbstractModel, x, length, stress, alpha=10.0) -> t
     e : array, shape (points,)
         Strain [-], NaN where no local solution exists.
 
-    Notes ----- Where no local solution exists, the displacement uses the strain at the end of the branch. This region
+    Notes
+    -----
+    Where no local solution exists, the displacement uses the strain at the end of the branch. This region
     lies next to L/2 and is narrower than (5σ/0.19E₀)² L.
 
-    References ---------- The profile of Breitenfeld et al. 2014, as in section 5.1 of Behzadinasab & Foster. The
-    nonlinear solution is derived here.
+    References
+    ----------
+    The profile of Breitenfeld et al. 2014, as in section 5.1 of Behzadinasab & Foster. The nonlinear solution is
+    derived here.
 
     Examples
     --------

@@ -8,7 +8,7 @@ b is smooth in m at 0, where it equals 1/(4N) − log(1+a). So the two branches 
 
 Symbols: h is the spacing, N = δ/h, κ the modulus, ω = 1 the influence, u₀ the amplitude, k the wave number, ρ the mass
 density.
-Source: Behzadinasab & Foster, section 4.1 (eqn:df1D), section 5.1 and section 5.4 (eqn:dispersion4).
+Source: Behzadinasab & Foster, sections 4.1 (1D Jacobian), 5.1 (singular bar) and 5.4 (dispersion relation).
 """
 
 import jax.numpy as jnp
@@ -55,7 +55,7 @@ def diagonal_1d(a, m, N, stress, tangent, spacing=1.0):
 
     References
     ----------
-    Behzadinasab & Foster, eqn:df1D.
+    Behzadinasab & Foster, section 4.1, 1D Jacobian of a uniform deformation.
 
     Examples
     --------
@@ -95,7 +95,8 @@ def bracket_1d(a, m, N):
 
     References
     ----------
-    Behzadinasab & Foster, the two criteria after eqn:S1d. Here they are one function, smooth at m = 0.
+    Behzadinasab & Foster, section 4.1, the two criteria for the linear law S = κE. Here they are one function, smooth
+    at m = 0.
 
     Examples
     --------
@@ -135,7 +136,8 @@ def critical_load_1d(m, N):
 
     References
     ----------
-    Behzadinasab & Foster, the criteria after eqn:S1d. Remark 4 quotes −0.184 (m = 1, N = 1) and −0.074 (m = 1, N = 3).
+    Behzadinasab & Foster, section 4.1, the criteria for the linear law S = κE. Remark 4 quotes −0.184 (m = 1, N = 1)
+    and −0.074 (m = 1, N = 3).
 
     Examples
     --------
@@ -185,14 +187,16 @@ def dispersion_1d(k, amplitude, m, N, modulus=1.0, density=1.0, spacing=1.0, X=0
     ValueError
         If N is not a whole number ≥ 1, or the amplitude is 0.
 
-    Notes ----- The law is nonlinear, and the formula puts a complex displacement into it. So ω² is complex, and the
+    Notes
+    -----
+    The law is nonlinear, and the formula puts a complex displacement into it. So ω² is complex, and the
     wave is not a motion of the bar. Only the limit u₀ → 0 is one (`dispersion_limit_1d`). ω² depends on X. The sign of
     its imaginary part changes with the sign of u₀, although a real wave with −u₀ is the same wave, shifted by half a
     wavelength.
 
     References
     ----------
-    Behzadinasab & Foster, eqn:dispersion1 to eqn:dispersion4.
+    Behzadinasab & Foster, section 5.4, from the force state of a plane wave to the dispersion relation.
 
     Examples
     --------
@@ -260,7 +264,7 @@ def dispersion_limit_1d(k, N, modulus=1.0, density=1.0, spacing=1.0):
 
     References
     ----------
-    Limit u₀ → 0 of eqn:dispersion4 of Behzadinasab & Foster (derived here).
+    Derived here: limit u₀ → 0 of the dispersion relation of Behzadinasab & Foster, section 5.4.
 
     Examples
     --------
@@ -301,8 +305,10 @@ def dispersion_continuum_1d(k, horizon, modulus=1.0, density=1.0):
     ValueError
         If |k| δ > 200 or δ ≤ 0.
 
-    Notes ----- Si(x) > 0 for x > 0, so no wave of the continuum has frequency 0. The zero of `dispersion_limit_1d` at k
-    = π/h is a property of the lattice. At a fixed k, `dispersion_limit_1d` tends to this function with an error of
+    Notes
+    -----
+    Si(x) > 0 for x > 0, so no wave of the continuum has frequency 0. The zero of `dispersion_limit_1d` at k = π/h is a
+    property of the lattice. At a fixed k, `dispersion_limit_1d` tends to this function with an error of
     first order in h.
 
     References
@@ -348,14 +354,17 @@ def clamped_bar_critical_strain(free, N):
     ValueError
         If N is not a whole number ≥ 1.
 
-    Notes ----- Near the edge of the Brillouin zone, k = π/h − q/h, the undeformed chain has the eigenvalue λ =
-    −κ/(N²h²) s(q)² with s = −Σ (−1)^p sin(qp)/p. A strain a adds −(4aκ/(Nh²)) Σ_{p odd} 1/p². For odd N, s ≈ q, and the
-    smallest q² between the clamps is (π/n)². For even N, s ≈ N(N+1) q³/12, and the edge mode obeys a sixth-order
+    Notes
+    -----
+    Near the edge of the Brillouin zone, k = π/h − q/h, the undeformed chain has the eigenvalue
+    λ = −κ/(N²h²) s(q)² with s = −Σ (−1)^p sin(qp)/p. A strain a adds −(4aκ/(Nh²)) Σ_{p odd} 1/p². For odd N, s ≈ q, and
+    the smallest q² between the clamps is (π/n)². For even N, s ≈ N(N+1) q³/12, and the edge mode obeys a sixth-order
     equation with clamped ends: q⁶ = (2π/n)⁶.
 
     References
     ----------
-    Derived here, from the symbol of the limit of eqn:dispersion4 with its stress term.
+    Derived here, from the limit u₀ → 0 of the dispersion relation of Behzadinasab & Foster, section 5.4, with its
+    stress term.
 
     Examples
     --------

@@ -10,7 +10,7 @@ the discrete one with the K of the ball in place of the K of the lattice. It is 
 diagonal of the continuum is zero: it shows neither stability nor instability.
 
 Symbols: σ is the first Piola–Kirchhoff stress, A its tangent (component kpln = ∂σ_kp/∂F_ln), V the volume of a point, ω
-the influence. Source: Behzadinasab & Foster, section 3.3 (eqn:TFI to eqn:dfsimplified).
+the influence. Source: Behzadinasab & Foster, section 3.3 (Jacobian of Silling's model).
 """
 
 import jax.numpy as jnp
@@ -48,7 +48,7 @@ def silling_entry(eta, xi, omega, volume, tangent):
 
     References
     ----------
-    Behzadinasab & Foster, the display after eqn:FI.
+    Behzadinasab & Foster, section 3.3, general entry of the Jacobian.
 
     Examples
     --------
@@ -92,7 +92,7 @@ def silling_diagonal_3d(tangent, horizon, volume):
 
     References
     ----------
-    Behzadinasab & Foster, eqn:dfsimplified.
+    Behzadinasab & Foster, section 3.3, the block of one point for a constant influence.
 
     Examples
     --------

@@ -19,7 +19,7 @@ Source: Behzadinasab & Foster, section 4.2 and appendices A to C.
 """
 
 from collections.abc import Collection
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -47,12 +47,12 @@ class LatticeSums(NamedTuple):
     (4.0, 2.0)
     """
 
-    s00: Any  # Σ 1/|p|²
-    s20: Any  # Σ p₁²/|p|⁴
-    s40: Any  # Σ p₁⁴/|p|⁶
-    s22: Any  # Σ p₁²p₂²/|p|⁶
-    s60: Any  # Σ p₁⁶/|p|⁸
-    s42: Any  # Σ p₁⁴p₂²/|p|⁸
+    s00: float  # Σ 1/|p|²
+    s20: float  # Σ p₁²/|p|⁴
+    s40: float  # Σ p₁⁴/|p|⁶
+    s22: float  # Σ p₁²p₂²/|p|⁶
+    s60: float  # Σ p₁⁶/|p|⁸
+    s42: float  # Σ p₁⁴p₂²/|p|⁸
 
 
 def lattice_sums_2d(N, form="corrected"):
@@ -80,7 +80,7 @@ def lattice_sums_2d(N, form="corrected"):
 
     References
     ----------
-    Behzadinasab & Foster, the displays after eqn:2Ddfs.
+    Behzadinasab & Foster, section 4.2, the six lattice sums.
 
     Examples
     --------
@@ -151,7 +151,7 @@ def index_tensor_2d():
 
     References
     ----------
-    Behzadinasab & Foster, eqn:gamma.
+    Behzadinasab & Foster, section 4.2, the index tensor γ_ijklrs.
 
     Examples
     --------
@@ -199,7 +199,7 @@ def jacobian_2d_uniform(F, m, N, stress, tangent, spacing=1.0, form="corrected")
 
     References
     ----------
-    Behzadinasab & Foster, eqn:2Ddf.
+    Behzadinasab & Foster, section 4.2, 2D Jacobian of a uniform deformation.
 
     Examples
     --------
@@ -256,7 +256,7 @@ def jacobian_2d_hydrostatic(a, m, N, stress, tangent, spacing=1.0, form="correct
 
     References
     ----------
-    Behzadinasab & Foster, eqn:2Ddfss, appendix B.
+    Behzadinasab & Foster, section 4.2 and appendix B, 2D Jacobian under a hydrostatic load.
 
     Examples
     --------
@@ -348,7 +348,7 @@ def bracket_2d(a, m, N, form="corrected", law="bulk"):
 
     References
     ----------
-    Behzadinasab & Foster, the criteria after eqn:hydro2De.
+    Behzadinasab & Foster, section 4.2, the two criteria for a hydrostatic load.
 
     Examples
     --------
@@ -396,7 +396,7 @@ def satisfies_criterion_2d(a, m, N, form="corrected", law="bulk"):
 
     References
     ----------
-    Behzadinasab & Foster, the criteria after eqn:hydro2De.
+    Behzadinasab & Foster, section 4.2, the two criteria for a hydrostatic load.
 
     Examples
     --------
@@ -495,7 +495,7 @@ def critical_load_2d(m, N, form="corrected", law="bulk"):
 
     References
     ----------
-    Behzadinasab & Foster, the criteria after eqn:hydro2De.
+    Behzadinasab & Foster, section 4.2, the two criteria for a hydrostatic load.
 
     Examples
     --------

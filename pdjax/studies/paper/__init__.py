@@ -4,6 +4,17 @@ A "sheet" makes one figure of the paper and the numbers behind it; there is one 
 sheets. A "claim" is one statement of the paper. `CLAIMS` lists them; their verdicts follow from the numbers of the
 sheets. `results` stores the numbers, the claims and the tables. `pdjax paper` runs all of it.
 
+    claims          the statements of the paper that are tested
+    family          Fig. 1
+    m_cr, a_cr      the critical order and the critical loads
+    maps            Figs. 2 and 3
+    singular_bar    Fig. 4
+    step_bar        Fig. 5
+    cuboid          Fig. 6
+    dispersion      Fig. 7
+    making          the sheets made one after the other or in processes
+    results         the files of the results
+
 Source: M. Behzadinasab and J. T. Foster, On the stability of the generalized, finite deformation
 correspondence model of peridynamics, Int. J. Solids Struct. 182–183 (2020) 64–76.
 """

@@ -13,7 +13,7 @@ from comparisons of numbers. It changes if the numbers change.
 """
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -21,6 +21,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import pdjax as pd
+
+from ...models.control import Control
 
 Found = tuple[str, str]  # (our value in words, verdict) of one claim
 VERDICTS = ("confirmed", "corrected", "refuted", "not decidable from the text")
@@ -65,7 +67,7 @@ class Claim(NamedTuple):
         return {**words, "ours": ours, "verdict": verdict, "command": command}
 
 
-def judge(holds: Any, corrected: Any = False) -> str:
+def judge(holds: object, corrected: object = False) -> str:
     """The verdict from two comparisons with the exact value: of the paper's statement and of a corrected one."""
     return VERDICTS[0] if holds else VERDICTS[1] if corrected else VERDICTS[2]
 
@@ -80,12 +82,12 @@ def sizes(quick: bool) -> str:
     return "  (--quick: reduced sizes)" if quick else ""
 
 
-def linear(lam: float, mu: float) -> Any:
+def linear(lam: float, mu: float) -> pd.LinearElastic:
     """S = λ tr(E) I + 2μ E."""
     return pd.LinearElastic(lam=lam, mu=mu)  # type: ignore[call-arg, arg-type]
 
 
-def of_order(m: float, law: Any, control: Any = None) -> Any:
+def of_order(m: float, law: pd.Law, control: Control | None = None) -> pd.SethHill:
     """The Seth–Hill model of order m, the model of the paper."""
     return pd.SethHill(jnp.asarray(m), law, control)
 
@@ -98,7 +100,7 @@ def family_within(dim: int, N: int, reach: int):
 _slope = eqx.filter_jit(pd.load_slope)
 
 
-def at_once(m: float, law: Any, dim: int, N: int, reach: int) -> list[bool]:
+def at_once(m: float, law: pd.Law, dim: int, N: int, reach: int) -> list[bool]:
     """Whether the smallest compression, and the smallest tension, is unstable (a_cr = 0).
 
     This is so if the load raises the eigenvalue of a wave that has zero energy at rest.

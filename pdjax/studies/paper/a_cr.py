@@ -26,6 +26,7 @@ QUOTED_1D, QUOTED_2D = {1: -0.184, 3: -0.074}, -0.037
 LAWS = {name: linear(*constants) for name, constants in CONSTANTS.items()}
 _STEPS = ("printed", "inequality", "m = 0 branch", "2πN → πN", "volume N²", "law's tangent", "finite sums")
 STYLE = {"bulk": ":", "symmetric": "--", "λ = μ = 1": "-"}
+_LAWS = {"bulk": "λ = ½, μ = 0", "symmetric": "λ = 0, μ = ½", "λ = μ = 1": "λ = μ = 1"}
 
 
 def diagonal_root_1d(N: int, reach: int) -> float:
@@ -132,7 +133,7 @@ def draw(numbers: dict, quick: bool) -> Figure:
     _loads(left, numbers["1D diagonal"], COLOURS["diagonal"], "o", "diagonal, by autodiff")
     _loads(middle, numbers["2D diagonal, printed"], COLOURS["printed"], "--", "diagonal, as printed")
     for name, values in numbers["2D diagonal"].items():
-        _loads(middle, values, COLOURS["diagonal"], STYLE[name] + "o", f"diagonal, exact: {name}")
+        _loads(middle, values, COLOURS["diagonal"], STYLE[name] + "o", f"diagonal, exact: {_LAWS[name]}")
     for on, dim, quoted in ((left, "1D", QUOTED_1D), (middle, "2D", {3: QUOTED_2D})):
         at_once = {N: 0.0 for N, yes in numbers[f"{dim} symbol fails at once"].items() if yes}
         _loads(on, at_once, COLOURS["symbol"], "-s", "symbol (exact): 0")
@@ -149,13 +150,13 @@ def draw(numbers: dict, quick: bool) -> Figure:
     chain = numbers["2D, N = 3"]["chain"]
     for law, steps in chain.items():
         y = [100 * step[2] for step in steps]
-        right.plot(range(len(y)), y, "o" + STYLE[law], color=COLOURS["diagonal"], markersize=5, label=f"law {law}")
+        right.plot(range(len(y)), y, "o" + STYLE[law], color=COLOURS["diagonal"], markersize=5, label=_LAWS[law])
         exact = 100 * numbers["2D, N = 3"]["diagonal by autodiff"][law]
         right.plot(len(y) - 1, exact, "o", mfc="none", mec=COLOURS["diagonal"], mew=1.4, ms=12)
     right.plot([], [], "o", mfc="none", mec=COLOURS["diagonal"], mew=1.4, ms=10, label="diagonal, by autodiff")
     right.axhline(100 * QUOTED_2D, color=SERIES[2], linewidth=1.2, linestyle="-.", label="quoted in the paper")
     right.set_xticks(range(len(steps)), _STEPS, fontsize=8, rotation=35, ha="right")
-    right.set_title("2D, N = 3: the printed criterion, corrected step by step", fontsize=10)
+    right.set_title("2D, N = 3: printed criterion, corrected stepwise", fontsize=10)
     right.set_ylabel("critical load a_cr  [%]")
     right.set_ylim(-6.4, -0.4)  # room for the legend
     right.legend(fontsize=8, frameon=False, loc="lower left", bbox_to_anchor=(0.0, 0.02), handlelength=4.5)
@@ -184,14 +185,14 @@ def nonlocality(n: dict) -> Found:
 
 
 def volume(n: dict) -> Found:
-    """Eq. (2Ddf)."""
+    """The weighted volume in the 2D Jacobian (section 4.2)."""
     bonds = n["2D, N = 3"]["bonds"]
     ours = f"{bonds} bonds; πN² = {np.pi * 9:.2f}, so N² should be N⁴, and N should be N²"
     return ours, judge(close(np.pi * 3, bonds, 0.02), close(np.pi * 9, bonds, 0.02))
 
 
 def sums(n: dict) -> Found:
-    """The six sums after Eq. (2Ddfs)."""
+    """The six lattice sums in 2D (section 4.2)."""
     exact, printed = (n["2D, N = 3"][f"sum of 1/p², {form}"] for form in ("exact", "printed"))
     return f"the finite sum is {exact:.3f}; the paper counts the points on the axes twice", judge(
         close(exact, printed, 0.02), exact < printed
@@ -199,14 +200,14 @@ def sums(n: dict) -> Found:
 
 
 def law(n: dict) -> Found:
-    """Eq. (hydro2Ds)."""
+    """The tangent of the hydrostatic law in 2D (section 4.2)."""
     stiffness = n["2D, N = 3"]["I : dS/dE : I of S = κE over κ"]
     two = [stiffness["bulk"], stiffness["symmetric"]]
     return f"{two[0]:g}, for every law with S = κE under hydrostatic load", judge(close(two, 4.0), close(two, 2.0))
 
 
 def which_law(n: dict) -> Found:
-    """Eq. (hydro2Ds)."""
+    """The law with S = κE that the paper uses in 2D (section 4.2)."""
     d = n["2D, N = 3"]["diagonal by autodiff"]
     bulk, symmetric = signed(d["bulk"]), signed(d["symmetric"])
     return f"a_cr = {bulk} for S = K tr(E) I, {symmetric} for S = κE", OPEN

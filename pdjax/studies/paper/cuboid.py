@@ -28,19 +28,20 @@ SHADES = {"m = 0": SERIES[0], "m = 1": SERIES[1]}
 
 def pull(model, strain: float, rate: float, shape, N: int = 3, halved: bool = False) -> dict:
     """One run with 100 saves: strains, force, alternation of each component, onset; the last u (points, 3) as "_u"."""
-    motion: Any = pd.scenes.cuboid(shape, N, strain, rate, model)
-    body: Any = motion.scene.body
-    h = body.spacing
+    motion = pd.scenes.cuboid(shape, N, strain, rate, model)
+    body = motion.scene.body
+    h, duration = body.spacing, motion.duration
+    assert h is not None and duration is not None
     dt = 0.8 * pd.critical_time_step(motion) / (2 if halved else 1)
-    steps = int(np.ceil(motion.duration / dt / 100)) * 100
+    steps = int(np.ceil(duration / dt / 100)) * 100
     history = pd.simulate(
         motion,
-        dt=motion.duration / steps,
+        dt=duration / steps,
         save_every=steps // 100,
         observers={"force": pd.observers.section_force(body, 0.5 * h * shape[0])},
         show_progress=False,
     )
-    reached = strain * np.minimum(history.times / motion.duration, 1)
+    reached = strain * np.minimum(history.times / duration, 1)
     rough = np.array([roughness(np.asarray(history.u), shape, k) / h for k in range(3)])
     over = np.flatnonzero(rough.max(axis=0) > ONSET)
     return {

@@ -7,8 +7,8 @@ reads ω in three ways, beside real standing waves in time. Other numbers concer
 behaviour of that wave at rest and under load, and the continuum, which has no such zero.
 """
 
+from collections.abc import Sequence
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -88,10 +88,9 @@ def make(quick: bool) -> tuple[dict, Figure]:
         "real waves: ω over the symbol's": dict(zip(map(float, sizes_u0), real, strict=True)),
     }
     figure = Figure(figsize=(14.6, 5.0), layout="constrained")
-    parts: Any = figure.subfigures(1, 2, width_ratios=(9.4, 5.2))
-    left, right = parts
-    panels: dict[str, Any] = {
-        f"u₀ = {SMALL:g} h: every order agrees with the symbol": small,
+    left, right = figure.subfigures(1, 2, squeeze=False, width_ratios=(9.4, 5.2))[0]
+    panels: dict[str, Sequence[pd.figures.Branch]] = {
+        "u₀ = 10⁻⁶ h: every order agrees with the symbol": small,
         f"u₀ = {LARGE:g} h: the orders differ": large,
     }
     pd.figures.dispersion_curves(panels, f"The paper's dispersion relation, 1D, N = {N}{sizes(quick)}", 0.7, left)
@@ -105,7 +104,7 @@ def _draw_reads(on, sizes_u0: np.ndarray, real: list[float], omega: float) -> No
     u0 = np.linspace(1e-3, LARGE, 40)
     for name, (sign, X, style) in WAYS.items():
         found = np.array([printed(READ, sign * float(x), 1.0, X) / omega for x in u0])
-        upper.plot(u0, found.real, style, color=COLOURS["printed"], label=f"complex wave, read at {name}")
+        upper.plot(u0, found.real, style, color=COLOURS["printed"], label=f"complex wave at {name}")
         lower.plot(u0, found.imag, style, color=COLOURS["printed"])
     upper.plot(sizes_u0, real, "o", color=COLOURS["symbol"], markersize=5, label="real standing wave, in time")
     lower.plot(sizes_u0, np.zeros_like(sizes_u0), "o", color=COLOURS["symbol"], markersize=5)
@@ -113,7 +112,7 @@ def _draw_reads(on, sizes_u0: np.ndarray, real: list[float], omega: float) -> No
     lower.set_ylabel("Im ω / ω of the symbol  [–]")
     lower.set_xlabel("amplitude u₀ / h  [–]")
     upper.legend(fontsize=8, frameon=False)
-    on.suptitle("m = 1, k h = 0.2 π: is the large wave a motion?", fontsize=11)
+    on.suptitle("m = 1, k h = 0.2 π: frequency against amplitude", fontsize=11)
 
 
 # --- what the numbers say of the claims

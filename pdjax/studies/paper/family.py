@@ -161,7 +161,7 @@ def equilibrium(n: dict) -> Found:
 
 
 def static(n: dict) -> Found:
-    """The display after Eq. (TforTwo)."""
+    """The static equation of a uniform deformation (section 3.1)."""
     u = n["uniform"]
     exact = u["bracket, exact"]
     ours = f"T + T, with components up to {exact:.4f}; the printed ones are {u['bracket, printed']:.4f}; both sum to 0"
@@ -169,7 +169,7 @@ def static(n: dict) -> Found:
 
 
 def entry(n: dict) -> Found:
-    """The display before Eq. (finaldf)."""
+    """The general entry of the Jacobian (section 3.2)."""
     gap = n["formula from autodiff"]
     return f"agrees with autodiff to {gap:.0e} in all {n['entries of a row']} entries of a row", judge(gap < 1e-12)
 

@@ -96,7 +96,7 @@ def m_cr_space(n: dict) -> Found:
 
 
 def moved_centre_sign(n: dict) -> Found:
-    """Eq. (altS)."""
+    """The sign of dT·dY of a moved centre (section 6.1)."""
     p = n["dT dY"]["3D"]
     ours = f"{signed(p['exact'])}: the printed sign is wrong, and ξ_l ξ_l is printed for ξ₁²"
     return ours, judge(close(p["printed"], p["exact"]), close(p["corrected"], p["exact"]))

@@ -14,13 +14,16 @@ import time
 import traceback
 from collections.abc import Callable, Generator, Iterator
 from contextlib import contextmanager
-from multiprocessing.connection import wait
+from multiprocessing.connection import Connection, wait
+from multiprocessing.process import BaseProcess
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import jax
 
 from ..._internal.threads import cores
+
+Result = TypeVar("Result")
 
 LONGEST = ("cuboid", "step-bar", "singular-bar", "maps-2d")  # started first, so that none of them runs alone at the end
 MOST = 4  # processes: three sheets take most of the time, and each needs some GB of memory
@@ -53,7 +56,7 @@ def processes(jobs: int) -> int:
     return max(1, min(jobs, cores(), MOST)) if jax.default_backend() == "cpu" else 1
 
 
-def each(work: Callable, jobs: dict[str, tuple], count: int) -> Generator[tuple[str, Any], None, None]:
+def each(work: Callable[..., Result], jobs: dict[str, tuple], count: int) -> Generator[tuple[str, Result], None, None]:
     """Yield (name, work(*arguments)) of every job as it finishes, by `count` processes; with count 1 here, in order.
 
     Arguments: work: a function that can be pickled, when count > 1; jobs: name → its arguments. Raises: what `work`
@@ -64,10 +67,10 @@ def each(work: Callable, jobs: dict[str, tuple], count: int) -> Generator[tuple[
         yield from ((name, work(*arguments)) for name, arguments in jobs.items())
         return
     waiting = sorted(jobs, key=lambda name: LONGEST.index(name) if name in LONGEST else len(LONGEST))
-    started: list[Any] = []
-    busy: dict[Any, str] = {}
+    started: list[BaseProcess] = []
+    busy: dict[Connection, str] = {}
 
-    def ask(end: Any) -> None:
+    def ask(end: Connection) -> None:
         busy[end] = waiting.pop(0)
         try:
             end.send(jobs[busy[end]])
@@ -146,7 +149,7 @@ def _as_it_is_born() -> Iterator[None]:
             signal.signal(signal.SIGINT, heard)
 
 
-def _serve(end: Any, work: Callable) -> None:
+def _serve(end: Connection, work: Callable) -> None:
     """Serve jobs in one process, answering (True, result) or (False, error), until it or the first process ends."""
     while True:
         try:

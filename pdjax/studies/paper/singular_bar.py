@@ -17,6 +17,7 @@ from ._common import OPEN, Found, judge, linear, of_order, sizes
 
 N = 3
 STRESSES = {"tension": 1e-3, "compression": -1e-5}  # over E₀, the paper's
+_SHOWN = {"tension": "10⁻³", "compression": "−10⁻⁵"}
 BAR_LAW = linear(1.0, 0.0)
 MODELS = {"m = 1": of_order(1.0, BAR_LAW), "Silling": pd.Correspondence(BAR_LAW)}
 
@@ -32,7 +33,7 @@ def solve(name: str, side: str, n: int):
     scene = pd.scenes.singular_bar(n, N, stress, model=MODELS[name])
     curves = singular_curves(scene, stress)
     result = pd.solve(scene, smallest_step=1.0)
-    case, row = bar_case(scene, result, f"{name}, {side},\nσ/E₀ = {stress:g}".replace("-", "−"), stress, curves)
+    case, row = bar_case(scene, result, f"{name}, {side},\nσ/E₀ = {_SHOWN[side]}", stress, curves)
     local, printed = curves.values()
     return case, {
         **row,

@@ -6,8 +6,6 @@ spectrum. That strain falls as n⁻² for odd N and as n⁻⁶ for even N. Its l
 −7.4 % of the diagonal.
 """
 
-from typing import Any
-
 import numpy as np
 from matplotlib.figure import Figure, SubFigure
 from matplotlib.ticker import NullFormatter
@@ -63,7 +61,7 @@ def outcomes(methods=METHODS) -> tuple[list, list[dict]]:
             found = pd.solve(scene, method, predictor=predictor, step=step, smallest_step=step)
             name = method if predictor == "none" else f"{method}, tangent predictor"
             name += "" if step == 1.0 else ", steps of a fifth"
-            words = f"{percent(strain)} at once, {name}"
+            words = f"{percent(strain)} in one step, {name}"
             case, row = bar_case(scene, found, words, strain, {})
             if (method, predictor, step) == METHODS[0]:
                 cases.append(case)
@@ -82,19 +80,19 @@ def make(quick: bool) -> tuple[dict, Figure]:
     curves = {n: critical(n, points) for n in horizons}
     cases, rows = outcomes(METHODS[:3:2] if quick else METHODS)
     scene = pd.scenes.step_size_bar(POINTS, N, -1e-4)
-    numbers: dict[str, Any] = {
+    diagonal = float(cf.critical_load_1d(1.0, N))
+    numbers = {
         "own critical strain, n = 100": -1e-4 * float(pd.body_critical_load(scene, limit=10.0).factor),
-        "diagonal": float(cf.critical_load_1d(1.0, N)),
+        "diagonal": diagonal,
         "exponents": {n: slope(found) for n, found in curves.items()},
         "critical strains": curves,
         "outcomes": rows,
     }
     figure = Figure(figsize=(15.4, 7.2), layout="constrained")
-    parts: Any = figure.subfigures(1, 2, width_ratios=(10.2, 5.2))
-    left, right = parts
+    left, right = figure.subfigures(1, 2, squeeze=False, width_ratios=(10.2, 5.2))[0]
     title = f"Ends displaced in one step: {POINTS} points, N = {N}, m = 1, Newton's method"
     pd.figures.bars(cases, title, ("u / (strain · L)  [–]", "ε / strain  [–]"), left)
-    draw_critical(right, curves, numbers["diagonal"])
+    draw_critical(right, curves, diagonal)
     right.suptitle(f"Critical strain of the bar by its Jacobian{sizes(quick)}", fontsize=11)
     return numbers, figure
 
@@ -112,7 +110,7 @@ def draw_critical(on: SubFigure | Figure, curves: dict[int, list[dict]], diagona
     axes.text(end, -diagonal * 1.2, f"diagonal, N = {N}: {percent(diagonal)}", ha="right", fontsize=9)
     for strain in STRAINS[1:]:
         axes.axhline(-strain, color="#888888", linewidth=0.8, linestyle=":")
-        axes.text(end, -strain * 1.2, f"the paper's {percent(strain)}", ha="right", fontsize=9)
+        axes.text(end, -strain * 1.2, f"strain in the paper: {percent(strain)}", ha="right", fontsize=9)
     axes.xaxis.set_minor_formatter(NullFormatter())  # the minor labels would overlap
     axes.set_xlabel("free points between the clamps  [–]")
     axes.set_ylabel("critical compression of the clamped bar  [–]")
