@@ -19,6 +19,8 @@ critical loads, the equilibria and motions of whole bodies, and the derivatives 
         prescribe, body_force, total_force, homogeneous_traction, scene, solve, equilibrium_path
         body_stability, body_spectrum, body_critical_load, motion, simulate, critical_time_step, observers
     pdjax.scenes             problems that are ready to solve, some with a closed form
+    pdjax.optimise           design by gradient, and parameters from measured data
+        worst_margin, load_cases, dispersion_error, lattice_time_step, design, pareto_front
     pdjax.figures            matplotlib figures of results
     pdjax.files              files for other programs: pdjax.export
     pdjax.studies            the paper of Behzadinasab & Foster: figures, claims, formulas: pdjax.closed_forms
@@ -391,7 +393,6 @@ from .models.laws import EnergyLaw as EnergyLaw
 from .models.laws import Law as Law
 from .models.laws import LinearElastic as LinearElastic
 from .models.laws import NeoHookean as NeoHookean
-from .optimise.augmented_lagrangian import DesignEnding as DesignEnding
 from .optimise.design_search import Design as Design
 from .optimise.design_search import design as design
 from .optimise.load_cases import LoadCases as LoadCases

@@ -121,6 +121,12 @@ def silling(f, g):
     return g * micromodulus(f.dim, f.horizon) / f.horizon / 2 * np.sum(f.w[:, None] * deviation(f) ** 2)
 
 
+def shells(f, q, strengths):
+    """½ (c/δ) Σ w g(q) |z|², with g linear between its values."""
+    g = np.interp(length(f.xi) / f.horizon, q, strengths)
+    return micromodulus(f.dim, f.horizon) / f.horizon / 2 * np.sum((f.w * g)[:, None] * deviation(f) ** 2)
+
+
 def wan(f):
     """½ Σ w z·(λ tr(K⁻¹) I + 2μ K⁻¹) z."""
     inverse, z = np.linalg.inv(shape(f)), deviation(f)
@@ -250,6 +256,7 @@ FAMILY_ENERGIES = {
     "lps": lambda f: lps(f, 1.5, 0.7),
     "silling control": lambda f: svk(gradient(f)) + silling(f, 0.5),
     "wan control": lambda f: _seth_hill(0.4)(f) + wan(f),
+    "shell control": lambda f: _seth_hill(0.4)(f) + shells(f, [0.3, 0.7, 1.0], [0.9, -0.2, 0.4]),
     "tupek_radovitzky": lambda f: tupek_radovitzky(f, 0.4),
     "bond_level": lambda f: bond_level(f, neo_hookean),
     "sub_horizon": lambda f: sub_horizon(f, svk),

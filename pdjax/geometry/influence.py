@@ -345,8 +345,8 @@ def signed_influence(influence: Callable | str) -> SignedInfluence:
 
     Examples
     --------
-    >>> signed = pd.signed_influence(pd.interpolated_influence([0.5, 1.0], [1.0, -0.1]))
+    >>> signed = pd.signed_influence(pd.interpolated_influence([0.5, 1.0], [1.0, -0.25]))
     >>> pd.lattice_family(1, 2, influence=signed).influence.tolist()
-    [1.0, -0.1, 1.0, -0.1]
+    [1.0, -0.25, 1.0, -0.25]
     """
     return SignedInfluence(named_influence(influence))

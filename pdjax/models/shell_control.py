@@ -25,6 +25,7 @@ from jaxtyping import Array, Float
 
 from .._internal.checks import as_real, is_concrete
 from ..geometry.bonds import Bonds
+from ..geometry.shells import piecewise_linear
 from .base import Sums
 from .control import Control, Tangent, bulk_modulus, micromodulus
 from .kinematics import displacement_gradient, gradient_moments, gradient_of_moments, solve_positive
@@ -50,13 +51,13 @@ class ShellControl(Control):
 
     Examples
     --------
-    Strengths of both signs can make the model stable with a small error of its wave speeds.
+    With equal strengths the control is that of Silling.
 
     >>> law, family = pd.LinearElastic(1.0, 1.0), pd.lattice_family(2, 2)
     >>> control = pd.ShellControl(pd.shells(2, 2), [0.5, 0.5, 0.5])
     >>> same = pd.SillingControl(0.5)
     >>> [round(float(pd.stability(pd.Correspondence(law, c), family, np.eye(2)).margin), 6) for c in (control, same)]
-    [-0.096878, -0.096878]
+    [-0.159155, -0.159155]
     """
 
     q: tuple[float, ...] = eqx.field(static=True, converter=lambda q: tuple(float(x) for x in np.ravel(q)))
@@ -75,7 +76,7 @@ class ShellControl(Control):
 
     def strength(self, xi: Float[Array, "*bonds dim"], horizon: Array) -> Float[Array, "*bonds"]:
         """g [-] of bonds."""
-        return jnp.interp(jnp.sqrt(jnp.sum(xi**2, axis=-1)) / horizon, np.asarray(self.q, xi.dtype), self.strengths)
+        return piecewise_linear(jnp.sqrt(jnp.sum(xi**2, axis=-1)) / horizon, np.asarray(self.q), self.strengths)
 
     def _unit(self, horizon: Array, tangent: Tangent, dim: int) -> Array:
         return micromodulus(bulk_modulus(tangent, dim, horizon.dtype), horizon, dim) / horizon

@@ -107,7 +107,10 @@ class WithLaw(PointStateModel):
                 parts.append(gradient_moments(bond))
             if self.control.own_moments:
                 parts.append(self.control.moments(bond))
-        return parts[0] if len(parts) == 1 else tuple(zip(*parts, strict=True))
+        if len(parts) == 1:
+            return parts[0]
+        reference, deformed = zip(*parts, strict=True)
+        return reference, deformed
 
     def state(self, sums: Sums) -> PyTree:
         if self.control is None:

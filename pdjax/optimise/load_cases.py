@@ -51,7 +51,7 @@ class LoadCases(eqx.Module):
 
     def __call__(self, model: AbstractModel, family: LatticeFamily) -> Float[Array, "cases dim dim"]:
         """The deformation gradients F [-] of all cases, one path after another."""
-        loads = self.loads.astype(family.xi.dtype)
+        loads = on_device(self.loads.astype(family.xi.dtype))
         return jnp.concatenate([deformations(path, loads, model, family) for path in self.paths])
 
 

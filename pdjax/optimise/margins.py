@@ -125,7 +125,7 @@ def worst_margin(
     value, case, zone, found = worst
     if is_concrete(model, family, F) or np.isnan(value):
         return as_array(value, family.xi.dtype)
-    return at_found(model, family, F[case], "symbol", zone, found).margin
+    return jnp.asarray(at_found(model, family, F[case], "symbol", zone, found).margin)
 
 
 def _traced(

@@ -136,7 +136,7 @@ def _within(parameters: Any, bounds: Any) -> Any:
 def _front(designs: list[Design], names: tuple[str, str], values: Callable) -> ParetoFront:
     """The feasible designs that no other one dominates, by increasing second objective."""
     found = [(values(d), d) for d in designs if d.feasible]
-    kept = []
+    kept: list[tuple[tuple[float, float], Design]] = []
     for (a, b), d in found:
         dominated = any((x <= a and y <= b) and (x < a or y < b) for (x, y), _ in found)
         if not dominated and not any(np.allclose((a, b), v, rtol=1e-9, atol=1e-12) for v, _ in kept):

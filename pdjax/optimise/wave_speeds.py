@@ -61,7 +61,7 @@ def dispersion_error(
     speed : str, optional
         "phase" for ω/|k|, or "group" for n·∂ω/∂k along the direction n of the wave.
     branches : tuple of int, optional
-        The branches that count, 0 for the slowest. The default is all. In 2D and 3D the slowest is a shear wave.
+        The branches that count, 0 for the slowest. The default is all. In 2D and 3D branch 0 is a shear wave.
     against : str, optional
         "law" for the speeds of the classical law, or "long waves" for the speeds of the lattice itself in the limit
         k → 0, for models without a classical law.
@@ -77,7 +77,7 @@ def dispersion_error(
     ------
     ValueError
         If the model has no energy, if it has no classical law and `against` is "law", if `kh` does not lie in (0, π], if
-        det F ≤ 0, if `speed` or `against` is unknown, or if `branches` names a branch that the dimension does not have.
+        det F ≤ 0, if `speed` or `against` is unknown, or if `branches` names a branch that this dimension lacks.
 
     Notes
     -----
@@ -90,7 +90,7 @@ def dispersion_error(
 
     >>> model = pd.Correspondence(pd.LinearElastic(1.0, 0.0))
     >>> error = pd.dispersion_error(model, pd.lattice_family(1, 1), kh=1.0)
-    >>> round(float(error), 4), round(1 - np.sin(1.0), 4)
+    >>> round(float(error), 4), round(float(1 - np.sin(1.0)), 4)
     (0.1585, 0.1585)
     """
     check_model(model, family, LatticeFamily)
@@ -190,7 +190,7 @@ def moduli_error(model: AbstractModel, family: LatticeFamily) -> Float[Array, ""
     >>> bool(pd.moduli_error(pd.Correspondence(law), family) < 1e-12)
     True
     >>> round(float(pd.moduli_error(pd.TupekRadovitzky(1.0, law), family)), 3)
-    0.123
+    0.39
     """
     check_model(model, family, LatticeFamily)
     return _moduli_error(model, family)
