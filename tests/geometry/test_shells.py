@@ -41,7 +41,7 @@ def test_weights_are_differentiable_through_a_family_and_a_body():
 
 def test_negative_weights_are_refused_unless_they_are_asked_for():
     influence = pd.interpolated_influence(pd.shells(1, 2), [1.0, -0.25])
-    with pytest.raises(ValueError, match="nowhere negative .see signed_influence"):
+    with pytest.raises(ValueError, match=r"nowhere negative .see signed_influence"):
         pd.lattice_family(1, 2, influence=influence)
     family = pd.lattice_family(1, 2, influence=pd.signed_influence(influence))
     assert family.influence.tolist() == [1.0, -0.25, 1.0, -0.25]

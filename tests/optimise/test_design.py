@@ -194,3 +194,31 @@ def test_wrong_input_is_refused():
         quiet(same, 1.0, lambda x: x, steps=0)
     with pytest.raises(ValueError, match="two objectives; got 1"):
         pd.pareto_front(same, 1.0, [lambda x: x])
+
+
+@pytest.mark.parametrize("margin", [0.0, -0.01])
+def test_least_penalty_is_the_root_of_the_margin(margin):
+    """Against a bracket of the margin itself, on several load paths of a plate."""
+    family, cases = pd.lattice_family(2, 2), pd.load_cases(["hydrostatic", "uniaxial-strain"], [-0.05, 0.05])
+
+    def build(g):
+        return pd.SethHill(0.0, LAW, pd.SillingControl(g))
+
+    g = pd.least_penalty(build, family, cases, margin)
+    assert float(pd.worst_margin(build(g - 1e-6), family, cases)) > margin
+    assert float(pd.worst_margin(build(g + 1e-6), family, cases)) < margin
+
+
+def test_no_penalty_helps_where_long_waves_grow():
+    """At 50 % of compression the acoustic tensor of the Seth–Hill plate is indefinite; in tension nothing is needed."""
+    family = pd.lattice_family(1, 2)
+
+    def build(g):
+        return pd.SethHill(1.0, LAW, pd.SillingControl(g))
+
+    assert pd.least_penalty(build, family, pd.load_cases("hydrostatic", [-0.5])) == np.inf
+    assert pd.stability(build(1.0), family, 0.5 * np.eye(1), criterion="affine").verdict == "unstable"
+    assert pd.least_penalty(build, family, pd.load_cases("hydrostatic", [0.05])) == 0.0
+    assert abs(pd.least_penalty(build, family, pd.load_cases("hydrostatic", [-0.2])) - 0.18) < 1e-12  # (1 − 0.8²)/2
+    with pytest.raises(ValueError, match="margin must be at most 0"):
+        pd.least_penalty(build, family, pd.load_cases("hydrostatic", [0.05]), margin=0.1)
