@@ -9,6 +9,7 @@ one line to `COMMANDS`. The modules, in the order in which to read them:
     critical    pdjax critical, critical loads
     symbol      pdjax symbol, the spectrum of one state
     atlas       pdjax atlas, all models on all load paths
+    design      pdjax design, the least penalty, a stabiliser or an influence function
     run         pdjax run SCENE, which takes its scenes from the next three modules
     bars        the scenes singular-bar and step-bar of run
     cuboid      the scene cuboid of run
@@ -25,7 +26,7 @@ import warnings
 
 from .._internal.compilation_cache import use_compilation_cache
 from .._internal.json_values import plain
-from . import atlas, bench, critical, map, paper, run, symbol
+from . import atlas, bench, critical, design, map, paper, run, symbol
 from .common import Parser
 
 COMMANDS = {
@@ -33,6 +34,7 @@ COMMANDS = {
     "critical": critical,
     "symbol": symbol,
     "atlas": atlas,
+    "design": design,
     "bench": bench,
     "run": run,
     "paper": paper,
@@ -45,6 +47,7 @@ _EPILOG = """examples
   pdjax critical --m 0 1 2                      critical loads of three orders in compression and tension
   pdjax symbol --m 0 --a=-0.02                  one state: verdict, most unstable wave and spectrum
   pdjax atlas --dim 2 3                         all models on all load paths: critical strains, zero-energy waves, cost
+  pdjax design penalty --m 0 1                  the least zero-energy penalty for strains of +-5 %
   pdjax bench --quick                           speed and error of the numerical methods, at small sizes
   pdjax run singular-bar                        the paper's singular bar in tension and compression, two models
   pdjax run step-bar --strain=-0.001            the paper's step-size bar at one strain

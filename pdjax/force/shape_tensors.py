@@ -102,6 +102,11 @@ def _refuse(model: AbstractModel, families: LatticeFamily | Families) -> None:
             " span enough directions; take a larger r or horizon, or another model"
         )
     where += "" if single else f" ({int(bad.sum())} such points)"
+    if values[i, 0] < -least * np.abs(values[i]).max():
+        raise ValueError(
+            f"{type(model).__name__} needs a positive definite shape tensor, and that of {where} has the eigenvalue"
+            f" {values[i, 0]:.3g}, because bonds have negative weights; use smaller negative weights"
+        )
     count = int((bonds.omega[i] > 0).sum())
     raise ValueError(
         f"{type(model).__name__} needs an invertible shape tensor, and that of {where} is singular: its {count}"
