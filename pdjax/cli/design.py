@@ -58,7 +58,7 @@ def run(arguments: argparse.Namespace) -> Job:
     names = arguments.path or [name for name in pd.PATHS if arguments.dim > 1 or name == "hydrostatic"]
     cases = pd.load_cases(names, [-abs(arguments.strain), abs(arguments.strain)])
 
-    def model(m: float, control):
+    def model(m, control):
         return pd.Correspondence(law, control) if arguments.silling else pd.SethHill(m, law, control)
 
     begin = time.perf_counter()
@@ -98,7 +98,7 @@ def _penalty(arguments, family, cases, model) -> tuple[list[dict], str]:
         g = pd.least_penalty(lambda g, m=m: model(m, pd.SillingControl(g)), family, cases, target)
         row: dict = {"m": None if arguments.silling else m, "g": g}
         if np.isfinite(g):
-            row |= _measures(model(m, pd.SillingControl(g)), family, cases)
+            row |= _measures(model(m, pd.SillingControl(np.asarray(g))), family, cases)
         rows.append(row)
     lines = [
         f"least penalty g for a margin of at most {target:g} at ±{100 * abs(arguments.strain):g} %",
@@ -120,7 +120,7 @@ def _stabiliser(arguments, family, cases, model) -> tuple[list[dict], str]:
     target = -0.02 if arguments.margin is None else arguments.margin
     q, m = pd.shells(arguments.dim, arguments.N), arguments.m[0]
     found = pd.design(
-        lambda strengths: model(m, pd.ShellControl(q, strengths)),
+        lambda strengths: model(m, pd.ShellControl(tuple(q), strengths)),
         jnp.full(len(q), 0.3),
         lambda model: pd.dispersion_error(model, family, sharpness=300.0),
         {"margin": lambda model: pd.worst_margin(model, family, cases, sharpness=300.0) - target},
@@ -132,7 +132,7 @@ def _stabiliser(arguments, family, cases, model) -> tuple[list[dict], str]:
         | {"feasible": found.feasible, "reason": found.reason}
         | _measures(found.model, family, cases)
     ]
-    for g in (0.5, 0.1):
+    for g in np.array([0.5, 0.1]):
         rows.append({"model": f"penalty g = {g}"} | _measures(model(m, pd.SillingControl(g)), family, cases))
     rows.append({"model": "Wan"} | _measures(model(m, pd.WanControl()), family, cases))
     lines = [f"{'':>16}{'margin':>10}{'error of speeds, kh = 1':>26}{'time step':>12}"]

@@ -40,7 +40,7 @@ from .criteria import CRITERIA, evaluate, family_zone, margin_tolerance, verdict
 from .criteria.critical_load import deformations
 from .criteria.on_host import FROM_STATES, MANY, from_states
 from .lattice_states import States, check_modulus, has_series, modulus_of, offsets_of, resting_modulus
-from .paths import Path, check_stretch, hydrostatic, is_stretch, path_symmetry
+from .paths import Path, check_stretch, hydrostatic, is_stretch, named_path, path_symmetry
 
 _SAVE_EVERY = 30.0  # seconds between partial saves
 _CHUNK_BYTES = 2**23  # size of the screened symbols of one chunk, so that they fit in the caches
@@ -326,7 +326,7 @@ def stability_map(
     dim: int = 2,
     law: Law | None = None,
     model: Callable | None = None,
-    path: Path = hydrostatic,
+    path: Path | str = hydrostatic,
     criterion: str = "symbol",
     lines: Sequence[str] = (),
     influence: Callable | str = constant_influence,
@@ -353,9 +353,8 @@ def stability_map(
         Law of the Seth–Hill model. Give either `law` or `model`.
     model : callable, optional
         Function m → model, where m stands for any one parameter (a strength, a modulus, an order).
-    path : callable, optional
-        Load path: a function (a, model, family) → F, such as `hydrostatic`. Names are not accepted. `PATHS` holds the
-        functions behind the names of the command line, as in `pd.PATHS["uniaxial-stress"]`.
+    path : callable or str, optional
+        Load path: a function (a, model, family) → F, such as `hydrostatic`, or a name in `PATHS`.
     criterion : str, optional
         Criterion of the map, see `stability`.
     lines : sequence of str, optional
@@ -403,6 +402,7 @@ def stability_map(
             "a law is needed, such as pd.LinearElastic(lam=1.0, mu=1.0), or a model, which is a function m -> pdjax"
             " model, but not both"
         )
+    path = named_path(path)
     orders, loads = _axis("m", m), _axis("a", a)
     horizons = np.atleast_1d(finite("N", N))
     names = tuple(choice("criterion", c, list(CRITERIA)) for c in (criterion, *lines))

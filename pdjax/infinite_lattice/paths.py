@@ -22,7 +22,7 @@ import optimistix as optx
 from jax.typing import ArrayLike
 from jaxtyping import Array, Float
 
-from .._internal.checks import is_concrete
+from .._internal.checks import choice, is_concrete
 from .._internal.implicit_step import implicit_root
 from .._internal.public import public_function
 from ..force.fields import affine_stress
@@ -254,7 +254,19 @@ PATHS: dict[str, Path] = {
     "uniaxial-stress": uniaxial_stress,
     "simple-shear": simple_shear,
 }
-"""The load paths by their names on the command line. Functions such as `critical_load` take the path, not its name."""
+"""The load paths by name. Functions such as `critical_load` take the path or its name."""
+
+
+def named_path(path: Path | str) -> Path:
+    """The load path itself, or the one with this name in `PATHS`."""
+    if isinstance(path, str):
+        return PATHS[choice("path", path, list(PATHS))]
+    if not callable(path):
+        raise ValueError(
+            f"path must be a function (a, model, family) -> F, such as pd.hydrostatic, or one of {', '.join(PATHS)};"
+            f" got {path!r}"
+        )
+    return path
 
 
 def path_symmetry(path: Path, family: LatticeFamily, isotropic: bool) -> str:

@@ -13,13 +13,13 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .._internal.checks import choice, deformation_gradient, is_concrete, on_device
+from .._internal.checks import deformation_gradient, is_concrete, on_device
 from .._internal.public import public_function
 from .._internal.shown import shown
 from ..geometry.bonds import LatticeFamily
 from ..infinite_lattice.criteria import kept_symmetry
 from ..infinite_lattice.criteria.critical_load import deformations
-from ..infinite_lattice.paths import PATHS, Path, check_stretch, is_stretch, path_symmetry
+from ..infinite_lattice.paths import Path, check_stretch, is_stretch, named_path, path_symmetry
 from ..models.base import AbstractModel
 
 
@@ -88,10 +88,8 @@ def load_cases(paths: Sequence[Path | str] | Path | str, loads) -> LoadCases:
         raise ValueError(f"load_cases needs at least one path and one load; got {len(several)} and {loads.size}")
     if loads.ndim != 1 or not np.isfinite(loads).all():
         raise ValueError(f"loads must be finite numbers, shape (loads,); got {loads}")
-    chosen = tuple(PATHS[choice("path", path, list(PATHS))] if isinstance(path, str) else path for path in several)
+    chosen = tuple(named_path(path) for path in several)
     for path in chosen:
-        if not callable(path):
-            raise ValueError(f"a path must be a function (a, model, family) -> F or a name; got {path!r}")
         if is_stretch(path):
             check_stretch(loads)
     return LoadCases(chosen, loads)

@@ -142,3 +142,16 @@ def test_a_negative_stretch_is_refused_by_the_path(path):
     with pytest.raises(ValueError, match="a must be > -1"):
         pd.stability_map([1.0], [-1.5, 0.0], law=pd.LinearElastic(1.0, 1.0), path=path, show_progress=False)
     assert pd.simple_shear(-1.5, MODEL, FAM)[0, 1] == -1.5
+
+
+def test_a_path_can_be_named():
+    family, model = pd.lattice_family(2, 2), pd.SethHill(0.0, pd.LinearElastic(1.0, 1.0))
+    by_name, by_function = (pd.critical_load(model, family, path) for path in ("uniaxial-strain", pd.uniaxial_strain))
+    assert float(by_name) == float(by_function)
+    law = pd.LinearElastic(1.0, 1.0)
+    grid = pd.stability_map([0.0], [0.02], N=2, dim=2, law=law, path="uniaxial-strain", show_progress=False)
+    assert grid.margin.shape == (1, 1) and grid.settings["path"] == "uniaxial_strain"
+    with pytest.raises(ValueError, match="path must be one of hydrostatic"):
+        pd.stability_map([0.0], [0.02], N=2, dim=2, law=law, path="pull")
+    with pytest.raises(ValueError, match="path must be a function"):
+        pd.stability_map([0.0], [0.02], N=2, dim=2, law=law, path=3)

@@ -1,9 +1,11 @@
 """Tests of the worst margin over load cases, its smooth bound, and their derivatives."""
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from table import MODELS, in_dimensions
 
 import pdjax as pd
 from pdjax.infinite_lattice.brillouin import brillouin_zone
@@ -47,6 +49,35 @@ def test_derivative_of_the_worst_margin_is_its_central_difference(dim, N, paths,
     step = 1e-5 * np.eye(2)
     central = np.array([(float(margin(x + e)) - float(margin(x - e))) / 2e-5 for e in step])
     assert np.abs(slope - central).max() < 2e-7 * max(1.0, np.abs(central).max())  # measured up to 3e-9
+
+
+QUICK = ("lps", "shell control")
+KINDS = [
+    pytest.param(name, dim, marks=() if name in QUICK and dim == 2 else pytest.mark.long)
+    for name, dim in in_dimensions(dims=(1, 2))
+]
+
+
+@pytest.mark.parametrize(("name", "dim"), KINDS)
+@pytest.mark.parametrize("sharpness", [None, pytest.param(60.0, marks=pytest.mark.long)])
+def test_derivative_in_all_constants_of_every_model_is_its_central_difference(name, dim, sharpness):
+    """Along a random direction of all constants of the model and of the deformation."""
+    model = MODELS[name]
+    if sharpness is not None and not model.hyperelastic:
+        pytest.skip("the aggregate needs a symmetric symbol")
+    family, rng = pd.lattice_family(dim, 2), np.random.default_rng(3)
+    F = np.stack([np.eye(dim) + 0.04 * rng.uniform(-1, 1, (dim, dim)) for _ in range(2)])
+    constants, rest = eqx.partition((model, F), eqx.is_inexact_array)
+    way = jax.tree.map(lambda x: rng.uniform(-1, 1, np.shape(x)) * (0.1 * np.abs(x) + 0.01), constants)
+
+    def margin(t):
+        moved, G = eqx.combine(jax.tree.map(lambda x, d: x + t * d, constants, way), rest)
+        return pd.worst_margin(moved, family, G, sharpness=sharpness)
+
+    slope = float(jax.jvp(margin, (jnp.array(0.0),), (jnp.array(1.0),))[1])
+    h = 1e-4
+    central = (8 * (float(margin(h)) - float(margin(-h))) - (float(margin(2 * h)) - float(margin(-2 * h)))) / (12 * h)
+    assert abs(slope - central) < 1e-7 * max(1.0, abs(central))  # measured up to 3e-9
 
 
 def stretched(theta):

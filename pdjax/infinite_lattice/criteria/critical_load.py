@@ -36,7 +36,7 @@ from ...models.laws import Law
 from ...models.seth_hill import SethHill
 from ..bloch import homogeneous_tangent, modulus_at_rest, wave_phases
 from ..brillouin import Zone, brillouin_zone, half_reciprocal_points
-from ..paths import Path, hydrostatic, path_symmetry
+from ..paths import Path, hydrostatic, named_path, path_symmetry
 from . import CRITERIA, check_at_rest, evaluate, family_zone, margin_tolerance
 from .on_host import outcomes
 
@@ -228,7 +228,7 @@ def _secant(low: float, high: float, seen: list[np.ndarray], real: DTypeLike) ->
 def critical_load(
     model: AbstractModel,
     family: LatticeFamily,
-    path: Path = hydrostatic,
+    path: Path | str = hydrostatic,
     criterion: str = "symbol",
     side: str = "negative",
     limit: float | None = None,
@@ -242,9 +242,8 @@ def critical_load(
         The material model.
     family : LatticeFamily
         One family of the lattice, from `lattice_family`.
-    path : callable, optional
-        Load path: a function (a, model, family) → F with F = I at a = 0, such as `hydrostatic`. Names are not accepted.
-        `PATHS` holds the functions behind the names of the command line, as in `pd.PATHS["uniaxial-stress"]`.
+    path : callable or str, optional
+        Load path: a function (a, model, family) → F with F = I at a = 0, such as `hydrostatic`, or a name in `PATHS`.
     criterion : str, optional
         Criterion of stability, see `stability`.
     side : str, optional
@@ -264,7 +263,7 @@ def critical_load(
     Raises
     ------
     ValueError
-        If the criterion or the side is unknown, if `path` is not a function, if `limit` is not larger than 2e-6 (and
+        If the criterion or the side is unknown, if `path` is no path, if `limit` is not larger than 2e-6 (and
         smaller than 1 on the negative side), or for what `stability` refuses.
 
     Notes
@@ -287,8 +286,7 @@ def critical_load(
     """
     choice("criterion", criterion, list(CRITERIA))
     sign = sign_of(side)
-    if not callable(path):
-        raise ValueError(f"path must be a function (a, model, family) -> F, such as pd.hydrostatic; got {path!r}")
+    path = named_path(path)
     limit = LIMITS[sign] if limit is None else limit
     if not (2 * SMALLEST < limit < (1.0 if sign < 0 else np.inf)):
         raise ValueError(
@@ -313,7 +311,7 @@ def critical_load(
 
 @public_function
 def load_slope(
-    model: AbstractModel, family: LatticeFamily, path: Path = hydrostatic, side: str = "positive"
+    model: AbstractModel, family: LatticeFamily, path: Path | str = hydrostatic, side: str = "positive"
 ) -> Float[Array, ""]:
     """Compute how fast a small load destabilises the zero-energy modes of the lattice at rest.
 
@@ -328,8 +326,8 @@ def load_slope(
         The material model.
     family : LatticeFamily
         One family of the lattice, from `lattice_family`.
-    path : callable, optional
-        Load path: a function (a, model, family) → F, such as `hydrostatic`, not its name.
+    path : callable or str, optional
+        Load path: a function (a, model, family) → F, such as `hydrostatic`, or a name in `PATHS`.
     side : str, optional
         Sign of the loads: "negative" or "compression", "positive" or "tension".
 
@@ -353,7 +351,7 @@ def load_slope(
     >>> round(float(slope(1.0)), 6), round(float(slope(0.0)), 6)
     (0.5, -0.5)
     """
-    sign = sign_of(side)
+    sign, path = sign_of(side), named_path(path)
     check_model(model, family, LatticeFamily)
     M = modulus_at_rest(model, family)
     k = jnp.asarray(half_reciprocal_points(family.dim), dtype=family.xi.dtype) / family.spacing
@@ -384,7 +382,7 @@ def _slopes(orders, family, law, path, side: str) -> Array:
 def stable_orders(
     family: LatticeFamily,
     law: Law,
-    path: Path = hydrostatic,
+    path: Path | str = hydrostatic,
     side: str = "positive",
     bound: float = 20.0,
 ) -> tuple[float, float]:
@@ -396,8 +394,8 @@ def stable_orders(
         One family of the lattice, from `lattice_family`.
     law : Law
         Law of the Seth–Hill model.
-    path : callable, optional
-        Load path: a function (a, model, family) → F, such as `hydrostatic`, not its name.
+    path : callable or str, optional
+        Load path: a function (a, model, family) → F, such as `hydrostatic`, or a name in `PATHS`.
     side : str, optional
         Sign of the loads: "negative" or "compression", "positive" or "tension".
     bound : float, optional
@@ -430,6 +428,7 @@ def stable_orders(
     (0.5, inf)
     """
     sign_of(side)
+    path = named_path(path)
     if not (np.isfinite(bound) and bound > 0):
         raise ValueError(f"bound must be finite and > 0; got {bound}")
     batch = 33
