@@ -41,7 +41,7 @@ LAW = pd.LinearElastic(1.0, 1.0)
 LATTICES = {1: 3, 2: 3, 3: 2}  # N by dimension
 ORDERS = (-1.0, 0.0, 0.5, 1.0, 2.0)
 LOADS = (-0.1, -0.05, -0.01, 0.01, 0.05, 0.1)
-MARGINS = (-0.005, -0.02, -0.05, -0.1)
+MARGINS = (-0.02, -0.15)
 PARTS = ("penalty", "time", "methods", "fronts", "transfer")
 
 
@@ -185,7 +185,7 @@ def designed(space: Space, limit: float, start, steps: int, sharp: float = 300.0
     )
 
 
-def fronts(kept: dict, save, steps: int = 80) -> None:
+def fronts(kept: dict, save, steps: int = 60) -> None:
     """Designs of every space for every margin, each from its neighbour."""
     table = kept.setdefault("fronts", {})
     for name, space in SPACES.items():

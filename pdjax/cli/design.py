@@ -98,7 +98,7 @@ def _penalty(arguments, family, cases, model) -> tuple[list[dict], str]:
         g = pd.least_penalty(lambda g, m=m: model(m, pd.SillingControl(g)), family, cases, target)
         row: dict = {"m": None if arguments.silling else m, "g": g}
         if np.isfinite(g):
-            row |= _measures(model(m, pd.SillingControl(np.asarray(g))), family, cases)
+            row |= _measures(model(m, pd.SillingControl(g)), family, cases)  # type: ignore[arg-type]
         rows.append(row)
     lines = [
         f"least penalty g for a margin of at most {target:g} at ±{100 * abs(arguments.strain):g} %",
