@@ -15,7 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .._internal.checks import as_array, deformation_gradient, frozen, is_concrete
+from .._internal.checks import as_array, deformation_gradient, frozen, in_double, is_concrete
 from .._internal.public import public_function
 from ..geometry.bonds import LatticeFamily
 from ..models.base import AbstractModel
@@ -28,6 +28,7 @@ from .lattice_states import check_at_rest, checked_states, has_series
 
 
 @public_function
+@in_double
 def lattice_time_step(
     model: AbstractModel, family: LatticeFamily, F=None, density=1.0, resolution: int | None = None
 ) -> Float[Array, ""]:
@@ -74,7 +75,7 @@ def lattice_time_step(
     if not model.hyperelastic:
         raise ValueError(
             "lattice_time_step needs a model with an energy, whose symbol is symmetric;"
-            f" {type(model).__name__} has none"
+            f" this {type(model).__name__}, or its control, has none"
         )
     F = deformation_gradient(np.eye(family.dim) if F is None else F, family.dim)
     density = as_array(density, family.xi.dtype, "density")

@@ -204,7 +204,10 @@ class AbstractModel(eqx.Module):
     @one_program
     def local_energy(self, F: Float[Array, "dim dim"]) -> Float[Array, ""]:
         """The classical energy density this model stands for, ψ(F); models without one refuse."""
-        raise ValueError(f"{type(self).__name__} has no classical law behind it: criterion 'local' does not apply")
+        raise ValueError(
+            f"{type(self).__name__} has no classical law behind it: criterion 'local' does not apply, and"
+            " dispersion_error needs against='long waves'"
+        )
 
     @one_program
     def strain(self, bonds: Bonds) -> Float[Array, "dim dim"]:

@@ -7,7 +7,8 @@ Round by round, an inner search decreases the merit function of the multipliers 
     L(z) = f + Σ [max(0, λ_i + ρ c_i)² − λ_i²]/(2ρ),
 
 and after each round λ_i ← max(0, λ_i + ρ c_i). Where the violation did not fall to a quarter, ρ grows tenfold. f and
-every c_i are divided by the norms of their gradients at the start.
+every c_i are divided by the norms of their gradients at the start, so that the violation of a constraint does not
+depend on its unit.
 
 The inner search is a gradient transformation of optax, projected onto the bounds. The default is Adam for the first
 steps, which does not mind kinks of the functions, then L-BFGS. Every step of L-BFGS is halved until the merit function
@@ -71,14 +72,18 @@ class Search:
         self.here: Evaluation = first
         count = len(first.constraints)
         self.multipliers = np.zeros(count)
-        units = np.eye(count)
-        self.scales = np.array([_unit(first.gradient(0.0, row)) for row in units])
-        self.scale = _unit(first.gradient(1.0, np.zeros(count)))
+        self.slopes = [first.gradient(1.0, np.zeros(count)), *(first.gradient(0.0, row) for row in np.eye(count))]
+        self.scale, *scales = (_unit(slope) for slope in self.slopes)
+        self.scales = np.array(scales)
         self._keep(first)
+
+    def violation(self, at: Evaluation) -> float:
+        """The largest constraint relative to its gradient at the start, 0 at a feasible point."""
+        return float(np.max(self.scales * at.constraints, initial=0.0))
 
     def _keep(self, at: Evaluation) -> None:
         self.here = at
-        self.history.append(Step(at.z, at.objective, at.violation))
+        self.history.append(Step(at.z, at.objective, self.violation(at)))
 
     @property
     def best(self) -> Step:
@@ -151,9 +156,10 @@ class Search:
         """End a round: new multipliers, and a larger penalty where the violation fell too slowly."""
         at = self.here
         self.multipliers = self._raised(at)
-        if at.violation > max(self.tolerance, 0.25 * self.previous):
+        violation = self.violation(at)
+        if violation > max(self.tolerance, 0.25 * self.previous):
             self.penalty = min(10 * self.penalty, HIGHEST)
-        self.previous = at.violation
+        self.previous = violation
         self.round += 1
 
     def run(self, tick: Callable[[], None], save: Callable[["Search"], None]) -> DesignEnding:
@@ -171,7 +177,7 @@ class Search:
                 ended = self.run_round(min(left, ROUND), optax.scale_by_lbfgs(MEMORY), True, tick)
             self.next_multipliers()
             save(self)
-            feasible = self.here.violation <= self.tolerance
+            feasible = self.violation(self.here) <= self.tolerance
             still = abs(self.here.objective - before) <= 1e-6 * max(abs(before), 1e-9)
             settled = settled + 1 if feasible and (still or not len(self.multipliers)) and ended != "steps" else 0
             if settled >= (2 if len(self.multipliers) else 1):

@@ -54,7 +54,8 @@ class Design:
     ending : DesignEnding
         How the search ended.
     history : dict of str to array
-        "objective", "violation" and "parameters" of every accepted step, of the best start.
+        "objective", "violation" and "parameters" of every accepted step, of the best start. The violation is relative
+        as the tolerance is.
     evaluations : int
         Number of evaluations of all functions together, of all starts.
     notes : list of str
@@ -132,7 +133,8 @@ def design(
         Functions with the arguments of `objective` that return a number or an array. A feasible point has no entry > 0.
         The names of a dictionary appear in the result.
     optimiser : optax.GradientTransformation, optional
-        Method of the inner search. The default is 10 steps of Adam followed by L-BFGS with halved steps.
+        Method of the inner search, one that needs gradients only. The default is 10 steps of Adam followed by L-BFGS
+        with halved steps.
     steps : int, optional
         Largest number of steps of one start.
     bounds : pair, optional
@@ -142,7 +144,8 @@ def design(
     seed : int, optional
         Seed of the random starts.
     tolerance : float, optional
-        Largest value of a constraint that counts as 0, in the constraint's own unit.
+        Largest value of a constraint that counts as 0, relative to the norm of its gradient at the start. The gradient
+        is that in parameters divided by the width of their bounds or by their start.
     save : path, optional
         File in which the search keeps its state after every round. If the file exists, the search continues from it.
     show_progress : bool, optional
@@ -184,6 +187,8 @@ def design(
     >>> found.feasible, found.binding, round(float(found.parameters), 3)
     (True, ['margin'], 0.049)
     """
+    if optimiser is not None and not (hasattr(optimiser, "init") and hasattr(optimiser, "update")):
+        raise ValueError(f"optimiser must be a method of optax, such as optax.adam(0.01); got {optimiser!r:.80}")
     problem = Problem(build, start, objective, constraints, bounds)
     _check(steps, starts, tolerance, problem)
     rng = np.random.default_rng(seed)
@@ -234,7 +239,7 @@ def _rank(search: Search) -> tuple[float, float]:
 
 def _check(steps: int, starts: int, tolerance: float, problem: Problem) -> None:
     for name, value in (("steps", steps), ("starts", starts)):
-        if not (isinstance(value, int) and value >= 1):
+        if not (isinstance(value, int | np.integer) and value >= 1):
             raise ValueError(f"{name} must be an integer >= 1; got {value!r}")
     if not (np.isfinite(tolerance) and tolerance > 0):
         raise ValueError(f"tolerance must be finite and > 0; got {tolerance}")
@@ -258,10 +263,13 @@ def _check_dependence(problem: Problem, search: Search) -> None:
 
 
 def _without_influence(problem: Problem, search: Search) -> list[str]:
-    """Names of the parameters on which neither the objective nor a constraint depends, at the last point."""
+    """Names of the parameters on which nothing depends, neither at the start nor at the last point."""
+    if len(search.history) == 1:
+        return []  # The search has not moved: a stationary start looks the same as an idle parameter.
     here, count = search.here, len(search.here.constraints)
-    slopes = [here.gradient(1.0, np.zeros(count))] + [here.gradient(0.0, row) for row in np.eye(count)]
-    return [name for name, column in zip(problem.names, np.transpose(slopes), strict=True) if not column.any()]
+    last = [here.gradient(1.0, np.zeros(count)), *(here.gradient(0.0, row) for row in np.eye(count))]
+    slopes = np.transpose([*search.slopes, *last])
+    return [name for name, column in zip(problem.names, slopes, strict=True) if not column.any()]
 
 
 def _result(problem: Problem, search: Search, ending: DesignEnding) -> Design:
@@ -273,8 +281,11 @@ def _result(problem: Problem, search: Search, ending: DesignEnding) -> Design:
     with judging():
         judged = dict(zip(names, problem.values(best.z), strict=True))
     del values["objective"]
-    binding = [n for n, v in values.items() if np.max(v) > -search.tolerance or np.max(judged[n]) > search.tolerance]
-    feasible = all(np.max(judged[n]) <= search.tolerance for n in values)
+    parts = np.split(search.scales, np.cumsum([v.size for v in values.values()])[:-1]) if values else []
+    units = {n: part.reshape(v.shape) for (n, v), part in zip(values.items(), parts, strict=True)}
+    excess = {n: float(np.max(units[n] * judged[n])) for n in values}
+    binding = [n for n, v in values.items() if max(excess[n], float(np.max(units[n] * v))) > -search.tolerance]
+    feasible = all(x <= search.tolerance for x in excess.values())
     notes = []
     if problem.outside:
         notes.append(
@@ -284,9 +295,9 @@ def _result(problem: Problem, search: Search, ending: DesignEnding) -> Design:
     idle = _without_influence(problem, search)
     if idle:
         notes.append(f"neither the objective nor a constraint depends on {', '.join(idle)}")
-    if ending is not DesignEnding.NO_FEASIBLE_POINT and not feasible:
-        worst = max(values, key=lambda n: float(np.max(judged[n])))
-        notes.append(f"on the finer grid {worst} is {np.max(judged[worst]):.3g}: the search missed a wave")
+    if best.violation <= search.tolerance and not feasible:
+        worst = max(excess, key=lambda n: excess[n])
+        notes.append(f"judged anew, {worst} is {np.max(judged[worst]):.3g}: the search missed a wave")
     history = {
         "objective": np.array([s.objective for s in search.history]),
         "violation": np.array([s.violation for s in search.history]),
@@ -304,7 +315,14 @@ class _Store:
 
     def __init__(self, path: str | os.PathLike | None, problem: Problem):
         self.path = None if path is None else Path(path)
-        self.key = {"start": problem.origin.tolist(), "names": problem.names, "constraints": problem.constraint_names}
+        self.key = {
+            "start": problem.origin.tolist(),
+            "size": problem.size.tolist(),
+            "lower": [str(x) for x in problem.lower],
+            "upper": [str(x) for x in problem.upper],
+            "names": problem.names,
+            "constraints": problem.constraint_names,
+        }
         self.known: dict[str, Any] = {}
         if self.path is not None and self.path.exists():
             try:
@@ -339,6 +357,12 @@ class _Store:
         at = search.problem.evaluate(np.array(state["z"]))
         if at is None:
             return
+        last = state["history"][-1]
+        if not np.allclose([at.objective, search.violation(at)], last[1:], rtol=1e-6, atol=1e-9 * abs(last[1])):
+            raise ValueError(
+                f"{self.path} belongs to another problem: its last point has the objective {last[1]:.6g}, and this"
+                f" problem gives {at.objective:.6g} there; delete it or name another file"
+            )
         search.here = at
         search.multipliers, search.penalty = np.array(state["multipliers"]), float(state["penalty"])
         search.previous, search.round = float(state["previous"]), int(state["round"])

@@ -18,17 +18,28 @@ from scipy.optimize import root_scalar
 from .._internal.checks import as_array
 from .._internal.public import public_function
 from ..geometry.bonds import LatticeFamily
+from ..infinite_lattice.criteria import family_zone
+from ..infinite_lattice.criteria.on_host import outcomes
+from ..infinite_lattice.lattice_states import STATES
 from ..models.base import AbstractModel
-from .load_cases import LoadCases
+from .load_cases import LoadCases, checked_cases
 from .margins import worst_margin
 
-FLAT = 1e-9  # a slope of the margin in g that counts as zero
+FLAT = 1e-9  # With a smaller slope the worst wave may be a long one, on which the control does not act.
 TOLERANCE = 1e-12
 STEPS = 50
 
 
 class _Flat(Exception):
     """The margin does not depend on the strength."""
+
+
+def _long_waves_grow(model: AbstractModel, family: LatticeFamily, loads: LoadCases, margin: float) -> bool:
+    """Whether a long wave has a larger margin than `margin` in some case, so that no control can help."""
+    cases = np.asarray(checked_cases(loads, model, family)[0])
+    zone = family_zone(family, "inversion", None)
+    parts = (cases[i : i + STATES] for i in range(0, len(cases), STATES))
+    return any((outcomes("affine", model, family, part, zone).margin > margin + TOLERANCE).any() for part in parts)
 
 
 @public_function
@@ -60,7 +71,8 @@ def least_penalty(
     Raises
     ------
     ValueError
-        If `margin` is positive, if a load path has no state, or for what `worst_margin` refuses.
+        If `margin` is positive, if a load path has no state, if the margin does not decrease with g, or for what
+        `worst_margin` refuses.
 
     Examples
     --------
@@ -82,7 +94,12 @@ def least_penalty(
         if abs(value - margin) <= TOLERANCE or (g == 0 and value <= margin):
             return 0.0, slope
         if slope > -FLAT:
-            raise _Flat
+            if _long_waves_grow(build(g), family, loads, margin):
+                raise _Flat
+            if not slope < 0:
+                raise ValueError(
+                    f"build must return a model whose margin decreases with g; its derivative at g = {g:g} is {slope:g}"
+                )
         return value - margin, slope
 
     try:

@@ -82,6 +82,8 @@ def load_cases(paths: Sequence[Path | str] | Path | str, loads) -> LoadCases:
     >>> pd.load_cases("hydrostatic", [-0.05, 0.05])
     LoadCases(paths=(hydrostatic,), loads=array(2,))
     """
+    if not is_concrete(loads):
+        raise ValueError("loads of load_cases must be known numbers; to differentiate in loads, pass an array of F")
     several = [paths] if isinstance(paths, str) or callable(paths) else list(paths)
     loads = np.atleast_1d(np.asarray(loads, float))
     if not several or not loads.size:
@@ -105,6 +107,8 @@ def checked_cases(loads: Any, model: AbstractModel, family: LatticeFamily) -> tu
         kept = [path_symmetry(path, family, model.isotropic) for path in loads.paths]
         # A path may give NaN where no state exists. The margin of that case is then NaN.
         return loads(model, family), [symmetry for symmetry in kept for _ in loads.loads]
+    if isinstance(loads, str) or callable(loads):
+        raise ValueError(f"loads must be deformation gradients or be made by pdjax.load_cases; got {loads!r}")
     dim = family.dim
     F = loads if not is_concrete(loads) else np.asarray(loads, family.xi.dtype)
     F = F[None] if F.ndim == 2 else F

@@ -27,7 +27,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .._internal.checks import as_array, frozen, is_concrete
+from .._internal.checks import as_array, frozen, in_double, is_concrete
 from .._internal.public import public_function
 from ..force.fields import check_model
 from ..geometry.bonds import LatticeFamily
@@ -42,6 +42,7 @@ from .load_cases import LoadCases, checked_cases, groups
 
 
 @public_function
+@in_double
 def worst_margin(
     model: AbstractModel,
     family: LatticeFamily,
@@ -166,12 +167,11 @@ def _(primals, tangents):
 def _aggregate(
     model: AbstractModel, family: LatticeFamily, F: Any, symmetries: list[str], sharpness: Any, resolution: int | None
 ) -> Array:
-    if is_concrete(sharpness) and not (np.ndim(sharpness) == 0 and np.isfinite(sharpness) and sharpness > 0):
-        raise ValueError(f"sharpness must be one finite number > 0, or None for the maximum; got {sharpness}")
+    check_sharpness(sharpness)
     if not model.hyperelastic:
         raise ValueError(
-            f"sharpness needs a model with an energy, whose symbol is symmetric; {type(model).__name__} has none. Leave"
-            " it out"
+            f"sharpness needs a model with an energy, whose symbol is symmetric; this {type(model).__name__}, or its"
+            " control, has none. Leave it out"
         )
     sharpness = as_array(sharpness, family.xi.dtype)
     parts = []
@@ -180,6 +180,12 @@ def _aggregate(
         parts.append(_aggregated(model, family, F[members], sharpness, intervals, symmetry))
     # exp is monotone, so that aggregates of parts combine to the aggregate of all.
     return parts[0] if len(parts) == 1 else log_trace(jnp.stack(parts)[:, None, None], sharpness)
+
+
+def check_sharpness(sharpness) -> None:
+    """Raise ValueError for a concrete sharpness that is not one finite number > 0."""
+    if is_concrete(sharpness) and not (np.ndim(sharpness) == 0 and np.isfinite(sharpness) and sharpness > 0):
+        raise ValueError(f"sharpness must be one finite number > 0, or None for the maximum; got {sharpness}")
 
 
 def sampled(model: AbstractModel, family: LatticeFamily, F: Array, zone: Zone) -> Float[Array, "cases waves dim dim"]:

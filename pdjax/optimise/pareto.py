@@ -8,6 +8,7 @@ Source: Haimes, Lasdon & Wismer 1971 (the method).
 """
 
 from collections.abc import Callable, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,6 +16,7 @@ import jax
 import numpy as np
 
 from .._internal.public import public_function
+from ..infinite_lattice.brillouin import judging
 from .design_search import Design, design
 from .problem import named
 
@@ -73,7 +75,7 @@ def pareto_front(
     constraints : callable, sequence or dict of callables, optional
         Further constraints, as for `design`.
     **options
-        Options of `design`, such as `bounds`, `steps` or `optimiser`.
+        Options of `design` other than `save`, such as `bounds`, `steps` or `optimiser`.
 
     Returns
     -------
@@ -105,9 +107,13 @@ def pareto_front(
         inside = begin if bounds is None else _within(begin, bounds)
         return design(build, inside, objective, further | limits, **options)
 
-    def value(found: Design, function: Callable) -> float:
+    if "save" in options:
+        raise ValueError("save is an option of design, not of pareto_front, which runs several searches")
+
+    def value(found: Design, function: Callable, judge: bool = False) -> float:
         made = (found.model,) if found.family is None else (found.model, found.family)
-        return float(function(*made))
+        with judging() if judge else nullcontext():
+            return float(function(*made))
 
     low = run(start, second, {})
     high = run(low.parameters, first, {})
@@ -120,7 +126,7 @@ def pareto_front(
         if found.feasible:
             begin = found.parameters
     designs.append(high)
-    return _front(designs, (first_name, second_name), lambda d: (value(d, first), value(d, second)))
+    return _front(designs, (first_name, second_name), lambda d: (value(d, first, True), value(d, second, True)))
 
 
 def _within(parameters: Any, bounds: Any) -> Any:

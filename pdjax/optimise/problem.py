@@ -17,6 +17,7 @@ import jax
 import numpy as np
 
 from .._internal.checks import as_array
+from ..geometry.bonds import Families, LatticeFamily
 
 
 class Evaluation(NamedTuple):
@@ -26,11 +27,6 @@ class Evaluation(NamedTuple):
     objective: float
     constraints: np.ndarray  # (constraints,), a feasible point has none > 0
     gradient: Callable[[float, np.ndarray], np.ndarray]  # of a · objective + b · constraints, in z
-
-    @property
-    def violation(self) -> float:
-        """The largest constraint, 0 at a feasible point."""
-        return float(max(0.0, np.max(self.constraints, initial=0.0)))
 
 
 def named(constraints: Any) -> dict[str, Callable]:
@@ -87,12 +83,13 @@ class Problem:
             raise ValueError("bounds must be a pair (lower, upper) of numbers or of trees like start")
         sides = []
         for side in bounds:
-            leaves = [np.asarray(x, float) for x in jax.tree.leaves(side)]
-            if len(leaves) == 1 and leaves[0].ndim == 0:
-                leaves = leaves * len(self.shapes)
-            if len(leaves) != len(self.shapes):
+            if isinstance(side, float | int | np.number):
+                leaves = [np.asarray(side, float)] * len(self.shapes)
+            elif str(jax.tree.structure(side)) == str(self.structure):
+                leaves = [np.asarray(x, float) for x in jax.tree.leaves(side)]
+            else:
                 raise ValueError(
-                    f"a bound must be one number or a tree like start, which has {len(self.shapes)} leaves"
+                    f"a bound must be one number or a tree like start, {', '.join(self.names)}; got {side!r:.200}"
                 )
             sides.append(
                 np.concatenate([np.broadcast_to(x, s).ravel() for x, s in zip(leaves, self.shapes, strict=True)])
@@ -117,7 +114,8 @@ class Problem:
     def built(self, parameters: Any) -> tuple:
         """What `build` returns, as the arguments of objective and constraints."""
         made = self.build(parameters)
-        return made if isinstance(made, tuple) else (made,)
+        pair = isinstance(made, tuple) and len(made) == 2 and isinstance(made[1], LatticeFamily | Families)
+        return made if pair else (made,)
 
     def _values(self, parameters: Any) -> tuple:
         made = self.built(parameters)
@@ -139,6 +137,9 @@ class Problem:
         if values[0].shape != ():
             raise ValueError(f"objective must return one number; it returned an array of shape {values[0].shape}")
         flat = [x.ravel() for x in values[1:]]
+        if not all(x.size for x in flat):
+            name = next(n for n, x in zip(self.functions, flat, strict=True) if not x.size)
+            raise ValueError(f"constraint {name!r} must return at least one number; it returned an empty array")
         if not all(np.isfinite(x).all() for x in (values[0], *flat)):
             bad = [n for n, x in zip(("objective", *self.functions), values, strict=True) if not np.isfinite(x).all()]
             self.outside, self.last_error = self.outside + 1, f"{', '.join(bad)} was not finite"

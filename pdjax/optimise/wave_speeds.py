@@ -18,14 +18,14 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .._internal.checks import as_array, choice, deformation_gradient, is_concrete
+from .._internal.checks import as_array, choice, deformation_gradient, in_double, is_concrete
 from .._internal.public import public_function
 from ..force.fields import affine_stress, check_model
 from ..geometry.bonds import LatticeFamily
 from ..infinite_lattice.bloch import homogeneous_tangent, long_wave_phases, wave_phases
 from ..infinite_lattice.brillouin import directions, is_judging
 from ..models.base import AbstractModel
-from .margins import log_trace
+from .margins import check_sharpness, log_trace
 
 RADII = 8  # wave numbers up to kh along every direction
 SPEEDS = ("phase", "group")
@@ -33,6 +33,7 @@ REFERENCES = ("law", "long waves")
 
 
 @public_function
+@in_double
 def dispersion_error(
     model: AbstractModel,
     family: LatticeFamily,
@@ -40,7 +41,7 @@ def dispersion_error(
     *,
     F=None,
     speed: str = "phase",
-    branches: tuple[int, ...] | None = None,
+    branches: tuple[int, ...] | int | None = None,
     against: str = "law",
     sharpness: float | None = None,
 ) -> Float[Array, ""]:
@@ -60,7 +61,7 @@ def dispersion_error(
         Deformation gradient [-] of the state on which the waves travel. The default is the undeformed state.
     speed : str, optional
         "phase" for ω/|k|, or "group" for n·∂ω/∂k along the direction n of the wave.
-    branches : tuple of int, optional
+    branches : int or tuple of int, optional
         The branches that count, 0 for the slowest. The default is all. In 2D and 3D branch 0 is a shear wave.
     against : str, optional
         "law" for the speeds of the classical law, or "long waves" for the speeds of the lattice itself in the limit
@@ -76,8 +77,9 @@ def dispersion_error(
     Raises
     ------
     ValueError
-        det F ≤ 0, if `speed` or `against` is unknown, or if `branches` names none that exists.
-        det F ≤ 0, if `speed` or `against` is unknown, or if `branches` names one that the dimension lacks.
+        If the model has no energy, if it has no classical law and `against` is "law", if kh does not lie in (0, π], if
+        det F ≤ 0, if `speed` or `against` is unknown, if `branches` names a branch that does not exist, or if the
+        sharpness is not > 0.
 
     Notes
     -----
@@ -95,18 +97,32 @@ def dispersion_error(
     """
     check_model(model, family, LatticeFamily)
     if not model.hyperelastic:
-        raise ValueError(f"dispersion_error needs a model with an energy; {type(model).__name__} has none")
+        raise ValueError(
+            f"dispersion_error needs a model with an energy; this {type(model).__name__}, or its control, has none"
+        )
     if is_concrete(kh) and not 0 < kh <= math.pi:
         raise ValueError(f"kh must lie in (0, π]; got {kh}")
     choice("speed", speed, SPEEDS)
     choice("against", against, REFERENCES)
-    chosen = tuple(range(family.dim)) if branches is None else tuple(branches)
+    chosen = tuple(range(family.dim)) if branches is None else tuple(np.atleast_1d(branches).tolist())
     if not chosen or not set(chosen) <= set(range(family.dim)):
         raise ValueError(f"branches must be some of 0 to {family.dim - 1} in dimension {family.dim}; got {branches}")
     real = family.xi.dtype
     F = np.eye(family.dim, dtype=real) if F is None else deformation_gradient(F, family.dim)
+    if sharpness is not None:
+        check_sharpness(sharpness)
     limit = None if sharpness is None or is_judging() else as_array(sharpness, real)
-    return _worst(model, family, F, as_array(kh, real), limit, speed == "group", chosen, against == "law")
+    return _worst(
+        model,
+        family,
+        F,
+        as_array(kh, real),
+        limit,
+        speed == "group",
+        chosen,
+        against == "law",
+        RADII * (1 + is_judging()),
+    )
 
 
 def _eigen(A: Float[Array, "*waves dim dim"]) -> tuple[Array, Array]:
@@ -126,10 +142,10 @@ def _eigen(A: Float[Array, "*waves dim dim"]) -> tuple[Array, Array]:
 
 
 @eqx.filter_jit
-def _worst(model, family, F, kh, sharpness, group: bool, branches: tuple[int, ...], law: bool) -> Array:
+def _worst(model, family, F, kh, sharpness, group: bool, branches: tuple[int, ...], law: bool, count: int) -> Array:
     dim, real = family.dim, family.xi.dtype
     compass = jnp.asarray(directions(dim), real)
-    radii = kh / family.spacing * jnp.arange(1, RADII + 1, dtype=real) / RADII
+    radii = kh / family.spacing * jnp.arange(1, count + 1, dtype=real) / count
     tangent = homogeneous_tangent(model, family, F)
     if law:
         acoustic = jnp.einsum("iJkL,wJ,wL->wik", jax.hessian(model.local_energy)(F), compass, compass)
@@ -160,6 +176,7 @@ def _worst(model, family, F, kh, sharpness, group: bool, branches: tuple[int, ..
 
 
 @public_function
+@in_double
 def moduli_error(model: AbstractModel, family: LatticeFamily) -> Float[Array, ""]:
     """Compute how far the small-strain moduli of a lattice are from those of the classical law behind its model.
 

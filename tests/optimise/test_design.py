@@ -144,6 +144,26 @@ def test_a_stopped_search_goes_on_from_its_file(tmp_path):
         run(10, save=path)
 
 
+def test_a_file_of_another_problem_is_refused(tmp_path):
+    path = tmp_path / "design.json"
+    quiet(same, 0.5, lambda x: (x - 1.0) ** 2, bounds=(0.0, 4.0), save=path)
+    with pytest.raises(ValueError, match="belongs to another problem"):
+        quiet(same, 0.5, lambda x: (x - 1.0) ** 2, bounds=(0.0, 1.5), save=path)
+    with pytest.raises(ValueError, match="belongs to another problem: its last point has the objective"):
+        quiet(same, 0.5, lambda x: (x - 3.0) ** 2, bounds=(0.0, 4.0), save=path)
+
+
+@pytest.mark.parametrize("unit", [1e-9, 1.0, 1e9])
+def test_feasibility_does_not_depend_on_the_unit_of_a_constraint(unit):
+    """min (x − 2)² with x ≤ 0.7, the constraint in any unit."""
+    found = quiet(same, 1.5, lambda x: (x - 2) ** 2, {"limit": lambda x: unit * (x - 0.7)}, bounds=(0.0, 2.0))
+    assert found.feasible and found.binding == ["limit"] and abs(float(found.parameters) - 0.7) < 1e-5
+
+
+def test_an_optimum_is_no_parameter_without_influence():
+    assert quiet(same, 0.5, lambda x: (x - 1.0) ** 2, bounds=(0.0, 2.0)).notes == []
+
+
 def test_several_starts_find_the_deeper_of_two_minima():
     def objective(x):
         return (x**2 - 1) ** 2 + 0.3 * x
@@ -190,6 +210,14 @@ def test_wrong_input_is_refused():
         quiet(same, 1.0, lambda x: x, {"c": 3})
     with pytest.raises(ValueError, match="objective must return one number"):
         quiet(same, jnp.ones(2), lambda x: x)
+    with pytest.raises(ValueError, match="a bound must be one number or a tree like start"):
+        quiet(same, {"a": 0.5, "b": 0.5}, lambda p: p["a"], bounds=({"b": 0.0, "c": 0.0}, {"b": 1.0, "c": 1.0}))
+    with pytest.raises(ValueError, match="optimiser must be a method of optax"):
+        quiet(same, 1.0, lambda x: x, optimiser="adam")
+    with pytest.raises(ValueError, match="must return at least one number"):
+        quiet(same, 1.0, lambda x: x, lambda x: jnp.zeros(0))
+    with pytest.raises(ValueError, match="save is an option of design"):
+        pd.pareto_front(same, 1.0, [lambda x: x, lambda x: -x], save="front.json")
     with pytest.raises(ValueError, match="steps must be an integer >= 1"):
         quiet(same, 1.0, lambda x: x, steps=0)
     with pytest.raises(ValueError, match="two objectives; got 1"):
@@ -220,5 +248,9 @@ def test_no_penalty_helps_where_long_waves_grow():
     assert pd.stability(build(1.0), family, 0.5 * np.eye(1), criterion="affine").verdict == "unstable"
     assert pd.least_penalty(build, family, pd.load_cases("hydrostatic", [0.05])) == 0.0
     assert abs(pd.least_penalty(build, family, pd.load_cases("hydrostatic", [-0.2])) - 0.18) < 1e-12  # (1 − 0.8²)/2
+    in_pascal = pd.least_penalty(lambda g: build(1e-10 * g), family, pd.load_cases("hydrostatic", [-0.05]))
+    assert abs(in_pascal - 4.875e8) < 1.0
+    with pytest.raises(ValueError, match="margin decreases with g"):
+        pd.least_penalty(lambda g: build(0.0), family, pd.load_cases("hydrostatic", [-0.05]))
     with pytest.raises(ValueError, match="margin must be at most 0"):
         pd.least_penalty(build, family, pd.load_cases("hydrostatic", [0.05]), margin=0.1)

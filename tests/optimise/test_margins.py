@@ -61,7 +61,11 @@ KINDS = [
 @pytest.mark.parametrize(("name", "dim"), KINDS)
 @pytest.mark.parametrize("sharpness", [None, pytest.param(60.0, marks=pytest.mark.long)])
 def test_derivative_in_all_constants_of_every_model_is_its_central_difference(name, dim, sharpness):
-    """Along a random direction of all constants of the model and of the deformation."""
+    """Along a random direction of all constants of the model and of the deformation.
+
+    With m = 1 the worst wave can be one on which the material part of the symbol vanishes. Its eigenvalue is then
+    repeated, the margin has a kink, and the derivative lies between the one-sided ones.
+    """
     model = MODELS[name]
     if sharpness is not None and not model.hyperelastic:
         pytest.skip("the aggregate needs a symmetric symbol")
@@ -76,8 +80,13 @@ def test_derivative_in_all_constants_of_every_model_is_its_central_difference(na
 
     slope = float(jax.jvp(margin, (jnp.array(0.0),), (jnp.array(1.0),))[1])
     h = 1e-4
-    central = (8 * (float(margin(h)) - float(margin(-h))) - (float(margin(2 * h)) - float(margin(-2 * h)))) / (12 * h)
-    assert abs(slope - central) < 1e-7 * max(1.0, abs(central))  # measured up to 3e-9
+    value = {n: float(margin(n * h)) for n in (-2, -1, 0, 1, 2)}
+    left, right = (value[0] - value[-1]) / h, (value[1] - value[0]) / h
+    if abs(right - left) > 5e-4:  # a curvature of 5: a kink. Measured 1.6e-3 at kinks, up to 1e-4 elsewhere
+        assert sharpness is None and left - 1e-4 < slope < right + 1e-4  # a maximum is convex at its kinks
+    else:
+        central = (8 * (value[1] - value[-1]) - (value[2] - value[-2])) / (12 * h)
+        assert abs(slope - central) < 1e-7 * max(1.0, abs(central))  # measured up to 3e-9
 
 
 def stretched(theta):

@@ -103,6 +103,8 @@ def test_wrong_arguments_are_refused():
         pd.dispersion_error(model, family, branches=(2,))
     with pytest.raises(ValueError, match="BondBased has no classical law"):
         pd.dispersion_error(pd.BondBased(1.0), family)
+    with pytest.raises(ValueError, match="sharpness must be one finite number > 0"):
+        pd.dispersion_error(model, family, sharpness=-5.0)
     with pytest.raises(ValueError, match="speed must be one of phase, group"):
         pd.dispersion_error(model, family, speed="energy")
     hourglass = pd.SethHill(1.0, LAW, pd.LittlewoodControl(0.03))

