@@ -1,4 +1,4 @@
-"""The parameters of an inverse problem: a tree of numbers and arrays, the same as one flat array, and their names."""
+"""The parameters of a design or an inverse problem: a tree of numbers and arrays, also as one flat array, with names."""
 
 from typing import Any
 
@@ -30,7 +30,9 @@ class Parameters:
         for path, leaf in paths:
             name = _name(path)
             if not is_concrete(leaf):
-                raise ValueError("start must be known numbers; identify runs on the host, not inside jit, vmap or grad")
+                raise ValueError(
+                    "start must be known numbers; the search runs on the host, not inside jit, vmap or grad"
+                )
             array = finite(f"start {name}".strip(), leaf)
             self.shapes.append(array.shape)
             values.append(array.reshape(-1))

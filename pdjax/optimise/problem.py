@@ -18,6 +18,7 @@ import numpy as np
 
 from .._internal.checks import as_array
 from ..geometry.bonds import Families, LatticeFamily
+from .parameters import Parameters
 
 
 class Evaluation(NamedTuple):
@@ -47,13 +48,6 @@ def named(constraints: Any) -> dict[str, Callable]:
     return table
 
 
-def _leaves(tree: Any, name: str) -> list[np.ndarray]:
-    leaves = [np.asarray(leaf, float) for leaf in jax.tree.leaves(tree)]
-    if not leaves or not sum(leaf.size for leaf in leaves):
-        raise ValueError(f"{name} must hold at least one number")
-    return leaves
-
-
 class Problem:
     """Objective and constraints of a scaled vector; see the module."""
 
@@ -61,13 +55,8 @@ class Problem:
         if not callable(build) or not callable(objective):
             raise ValueError("build and objective must be functions: build(parameters) -> model or (model, family)")
         self.build, self.objective, self.functions = build, objective, named(constraints)
-        leaves = _leaves(start, "start")
-        self.structure = jax.tree.structure(start)
-        self.shapes = [leaf.shape for leaf in leaves]
-        self.origin = np.concatenate([leaf.ravel() for leaf in leaves])
-        if not np.isfinite(self.origin).all():
-            raise ValueError(f"start must be finite; got {self.origin}")
-        self.names = _entry_names(start)
+        self.tree = Parameters(start)
+        self.origin, self.names = self.tree.flat, self.tree.names
         lower, upper = self._bounds(bounds)
         self.size = np.where(self.origin != 0, np.abs(self.origin), 1.0)
         both = np.isfinite(lower) & np.isfinite(upper)
@@ -77,24 +66,11 @@ class Problem:
         self.error: Exception | None = None
 
     def _bounds(self, bounds: Any) -> tuple[np.ndarray, np.ndarray]:
-        if bounds is None:
-            return np.full(self.origin.shape, -np.inf), np.full(self.origin.shape, np.inf)
-        if not (isinstance(bounds, Sequence) and len(bounds) == 2):
+        if bounds is not None and not (isinstance(bounds, Sequence) and len(bounds) == 2):
             raise ValueError("bounds must be a pair (lower, upper) of numbers or of trees like start")
-        sides = []
-        for side in bounds:
-            if isinstance(side, float | int | np.number):
-                leaves = [np.asarray(side, float)] * len(self.shapes)
-            elif str(jax.tree.structure(side)) == str(self.structure):
-                leaves = [np.asarray(x, float) for x in jax.tree.leaves(side)]
-            else:
-                raise ValueError(
-                    f"a bound must be one number or a tree like start, {', '.join(self.names)}; got {side!r:.200}"
-                )
-            sides.append(
-                np.concatenate([np.broadcast_to(x, s).ravel() for x, s in zip(leaves, self.shapes, strict=True)])
-            )
-        lower, upper = sides
+        low, high = (None, None) if bounds is None else bounds
+        lower = self.tree.flat_of("the lower bounds", low, -np.inf)
+        upper = self.tree.flat_of("the upper bounds", high, np.inf)
         bad = ~((lower < upper) & (lower <= self.origin) & (self.origin <= upper))
         if bad.any():
             i = int(np.argmax(bad))
@@ -106,10 +82,7 @@ class Problem:
 
     def parameters(self, z: np.ndarray) -> Any:
         """The tree of parameters of a scaled vector."""
-        flat = self.origin + self.size * z
-        parts = np.split(flat, np.cumsum([int(np.prod(s)) for s in self.shapes])[:-1])
-        leaves = [as_array(part.reshape(shape)) for part, shape in zip(parts, self.shapes, strict=True)]
-        return jax.tree.unflatten(self.structure, leaves)
+        return self.tree.tree(self.origin + self.size * z)
 
     def built(self, parameters: Any) -> tuple:
         """What `build` returns, as the arguments of objective and constraints."""
@@ -156,13 +129,3 @@ class Problem:
     @property
     def constraint_names(self) -> list[str]:
         return list(self.functions)
-
-
-def _entry_names(tree: Any) -> list[str]:
-    """A name for every number of the tree, such as "g" or "weights[2]"."""
-    names = []
-    for path, leaf in jax.tree_util.tree_leaves_with_path(tree):
-        text = jax.tree_util.keystr(path, simple=True, separator=".") or "parameter"
-        shape = np.shape(leaf)
-        names += [text + "".join(f"[{i}]" for i in index) for index in np.ndindex(shape)] if shape else [text]
-    return names

@@ -210,7 +210,7 @@ def test_wrong_input_is_refused():
         quiet(same, 1.0, lambda x: x, {"c": 3})
     with pytest.raises(ValueError, match="objective must return one number"):
         quiet(same, jnp.ones(2), lambda x: x)
-    with pytest.raises(ValueError, match="a bound must be one number or a tree like start"):
+    with pytest.raises(ValueError, match="bounds must be one number or a tree like start"):
         quiet(same, {"a": 0.5, "b": 0.5}, lambda p: p["a"], bounds=({"b": 0.0, "c": 0.0}, {"b": 1.0, "c": 1.0}))
     with pytest.raises(ValueError, match="optimiser must be a method of optax"):
         quiet(same, 1.0, lambda x: x, optimiser="adam")
