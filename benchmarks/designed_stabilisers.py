@@ -192,7 +192,7 @@ def fronts(kept: dict, save, steps: int = 60) -> None:
         rows = table.setdefault(name, [])
         start = {k: jnp.asarray(v) for k, v in rows[-1]["parameters"].items()} if rows else space.start
         cases = pd.load_cases(all_paths(space.dim), [-0.05, 0.05])
-        for limit in MARGINS[len(rows) :]:
+        for limit in (x for x in MARGINS if x not in [r["limit"] for r in rows]):
             begin = time.perf_counter()
             found = designed(space, limit, start, steps)
             start = {k: np.clip(v, space.lower[k], space.upper[k]) for k, v in found.parameters.items()}

@@ -1,4 +1,4 @@
-"""The parameters of a design or an inverse problem: a tree of numbers and arrays, also as one flat array, with names."""
+"""The parameters of a design or an inverse problem: a tree of numbers and arrays, its flat array, and its names."""
 
 from typing import Any
 
