@@ -2,7 +2,6 @@
 
     python benchmarks/designed_stabilisers.py                 all parts; kept parts are not computed again
     python benchmarks/designed_stabilisers.py --part penalty  one part: penalty, fronts, transfer, methods, time
-    python benchmarks/designed_stabilisers.py --draw          the picture from the kept numbers
 
 **penalty**: the least strength g of Silling's penalty (`pd.least_penalty`) that makes Seth–Hill models of several
 orders m stable, on all load paths at ±1, ±5 and ±10 %, in 1D and 2D (N = 3) and 3D (N = 2). A rule of thumb g = c |a|
@@ -387,7 +386,7 @@ def draw(kept: dict) -> Figure:
             label=name,
             ms=4,
         )
-    middle.set(xlabel="error of phase speeds at kh = 1 [%]", ylabel="margin over ±5 %, four paths [-]", xscale="log")
+    middle.set(xlabel="error of phase speeds at kh = 1 [%]", ylabel="margin over ±5 %, four paths [-]")
     middle.set_title("designed stabilisers, 2D, N = 3")
     middle.legend(frameon=False, fontsize=7)
     rows = kept.get("methods", {}).get("rows", [])
@@ -415,7 +414,6 @@ def main() -> None:
     """Compute the parts that are asked for and keep them."""
     parser = argparse.ArgumentParser()
     parser.add_argument("--part", choices=PARTS, nargs="*", default=list(PARTS))
-    parser.add_argument("--draw", action="store_true")
     arguments = parser.parse_args()
     path = results() / f"{NAME}.json"
     kept = json.loads(path.read_text()) if path.exists() else {}
@@ -423,10 +421,9 @@ def main() -> None:
     def save() -> None:
         path.write_text(json.dumps(kept, indent=1) + "\n")
 
-    if not arguments.draw:
-        run = {"penalty": penalty, "fronts": fronts, "transfer": transfer, "methods": methods, "time": timing}
-        for part in arguments.part:
-            run[part](kept, save)
+    run = {"penalty": penalty, "fronts": fronts, "transfer": transfer, "methods": methods, "time": timing}
+    for part in arguments.part:
+        run[part](kept, save)
     kept.pop("machine", None)
     write(NAME, kept, draw(kept))
 
