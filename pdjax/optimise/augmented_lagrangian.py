@@ -47,7 +47,6 @@ class DesignEnding(Ending):
     OUT_OF_STEPS = 2, "the steps ran out"
     NO_FEASIBLE_POINT = 3, "no feasible point was found; the result is the point of the smallest violation"
     INTERRUPTED = 4, "the search was interrupted; the result is its best point"
-    NO_DECREASE = 5, "no point of the domain was reached from the start"
 
 
 class Step(NamedTuple):
@@ -117,8 +116,8 @@ class Search:
             z = np.clip(self.here.z + part * direction, self.problem.lower, self.problem.upper)
             at = self.problem.evaluate(z)
             if at is not None:
-                gain = LEAST_DECREASE * float(slope @ (z - self.here.z))
-                if not descend or self.merit(at) <= merit + min(gain, 0.0) - (0.0 if gain < 0 else 1e-300):
+                wanted = merit + min(0.0, LEAST_DECREASE * float(slope @ (z - self.here.z)))
+                if not descend or (self.merit(at) <= wanted and self.merit(at) < merit):
                     return at
             part /= 2
         return None

@@ -147,7 +147,8 @@ def design(
         Largest value of a constraint that counts as 0, relative to the norm of its gradient at the start. The gradient
         is that in parameters divided by the width of their bounds or by their start.
     save : path, optional
-        File in which the search keeps its state after every round. If the file exists, the search continues from it.
+        File in which the search keeps its state after every round and at Ctrl-C. If the file exists, the search
+        continues from it.
     show_progress : bool, optional
         Show the number of steps on a terminal.
 
@@ -208,6 +209,7 @@ def design(
             ending = search.run(counter.tick, partial(store.keep, number))
         except KeyboardInterrupt:
             ending = DesignEnding.INTERRUPTED
+            store.keep(number, search)
         if best is None or _rank(search) < _rank(best[0]):
             best = search, ending
         if ending is DesignEnding.INTERRUPTED:

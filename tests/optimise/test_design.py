@@ -103,7 +103,7 @@ def test_a_parameter_without_influence_is_named():
     assert any("idle[0], idle[1]" in note for note in found.notes)
 
 
-def test_an_interrupted_search_keeps_its_best_point():
+def test_an_interrupted_search_keeps_its_best_point(tmp_path):
     count = 0
 
     def objective(x):
@@ -113,8 +113,10 @@ def test_an_interrupted_search_keeps_its_best_point():
             raise KeyboardInterrupt
         return (x - 3.0) ** 2
 
-    found = quiet(same, 0.0, objective)
+    found = quiet(same, 0.0, objective, save=tmp_path / "design.json")
     assert found.ending == DesignEnding.INTERRUPTED and "interrupted" in found.reason
+    again = quiet(same, 0.0, objective, save=tmp_path / "design.json")
+    assert abs(float(again.parameters) - 3.0) < 1e-5 and again.history["objective"][1] == found.history["objective"][1]
     assert found.objective < 9.0 and found.objective == found.history["objective"].min()
 
 
