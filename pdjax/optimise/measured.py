@@ -98,15 +98,20 @@ def _data(given: Any, shape: tuple[int, ...], name: str, what: str) -> np.ndarra
 
 
 def _mask(given: Any, shape: tuple[int, ...], name: str) -> np.ndarray:
-    """`where` as a mask of all entries. A mask of points holds for all of their components."""
+    """`where` as a mask of all entries.
+
+    An array of one axis is a mask of points, which holds for all of their components. An array of several axes is read
+    as a mask of entries first, and as a mask of points if it does not fit.
+    """
     if given is None:
         return np.ones(shape, bool)
     mask = np.asarray(given)
     if mask.dtype != bool:
         raise ValueError(f"where{name} must be an array of True and False; got an array of {mask.dtype}")
-    for candidate in (mask[..., None], mask):
+    readings = (mask, mask[..., None]) if mask.ndim > 1 else (mask[..., None], mask)
+    for reading in readings:
         try:
-            return np.broadcast_to(candidate, shape) if candidate.ndim <= len(shape) else np.broadcast_to(mask, shape)
+            return np.broadcast_to(reading, shape)
         except ValueError:
             continue
     raise ValueError(

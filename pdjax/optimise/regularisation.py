@@ -32,7 +32,13 @@ def _differences(tree: Any, order: int) -> list[Array]:
     arrays = [jnp.asarray(leaf) for leaf in jax.tree.leaves(tree)]
     if order == 0:
         return [array.reshape(-1) for array in arrays]
-    return [jnp.diff(a, order, axis).reshape(-1) for a in arrays for axis in range(a.ndim)]
+    found = [jnp.diff(a, order, axis).reshape(-1) for a in arrays for axis in range(a.ndim)]
+    if not sum(part.size for part in found):
+        raise ValueError(
+            f"the regularisation takes differences of order {order}, and the parameters have no array of more than"
+            f" {order} entries along an axis; got shapes {[a.shape for a in arrays]}"
+        )
+    return found
 
 
 class Tikhonov(eqx.Module):

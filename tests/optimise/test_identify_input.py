@@ -150,3 +150,13 @@ def test_names_follow_the_tree():
     found = pd.identify(lambda p: p[0]["x"] @ X[:2] + p[1] * X, ({"x": np.ones(2)}, 1.0), X, max_solves=5)
     assert found.names == ("[0].x[0]", "[0].x[1]", "[1]")
     assert found.residual.shape == (7,)
+
+
+def test_a_mask_of_entries_is_not_read_as_one_of_points_where_both_fit():
+    """Three saves of three points in 1D: a mask (points, dim) selects points, not saves."""
+    from pdjax.optimise.measured import Measured
+
+    mask = np.array([[True], [True], [False]])
+    data = np.zeros((3, 3, 1))
+    assert Measured(data, data, "displacements", mask, None).index.tolist() == [0, 1, 3, 4, 6, 7]
+    assert Measured(data, data, "displacements", mask[:, 0], None).index.tolist() == [0, 1, 3, 4, 6, 7]

@@ -74,3 +74,10 @@ def test_regularisation_settles_what_the_data_leave_open(regularisation, bias):
     assert np.isfinite(found.covariance).all() and found.standard_deviation["E"].max() > 1
     plain = pd.identify(averages, start, data, noise=0.01)
     assert np.isinf(np.diag(plain.covariance)).all()
+
+
+def test_differences_of_too_few_entries_are_refused():
+    with pytest.raises(ValueError, match="have no array of more than 1 entries along an axis"):
+        pd.tikhonov(1.0, difference=1)(2.0)
+    with pytest.raises(ValueError, match="differences of order 2"):
+        pd.tikhonov(1.0, difference=2)(np.ones(2))
