@@ -15,12 +15,13 @@ Source: Levenberg 1944; Marquardt 1963.
 """
 
 from collections.abc import Callable
+from typing import Any
 
 import jax
 import numpy as np
 from jaxtyping import Bool, Float
 
-from .._internal.checks import Numbers, namespace
+from .._internal.checks import namespace
 from .cosine_series import Forms
 
 # Largest number of steps. From a start next to a maximum 8 to 12 were measured. A start that needs more moves slowly
@@ -30,7 +31,7 @@ SMALLEST, LARGEST = 1e-9, 1e9  # range of σ, relative to the norm of H
 NOTHING = 1e-3  # A step whose expected gain is below this × eps × the norm of H is the last one.
 
 
-def _gradient_and_hessian(f: Forms, v: Float[Numbers, "*lanes dim"]) -> tuple[Numbers, Numbers, Numbers]:
+def _gradient_and_hessian(f: Forms, v: Float[Any, "*lanes dim"]) -> tuple[Any, Any, Any]:
     """The quotient q and its first and second derivatives over (x, v), at a unit vector v."""
     xp = namespace(v)
     Av = xp.einsum("...ij,...j->...i", f.A, v)
@@ -56,7 +57,7 @@ def _gradient_and_hessian(f: Forms, v: Float[Numbers, "*lanes dim"]) -> tuple[Nu
     return q, xp.concatenate([gx, gv], axis=-1), xp.concatenate([top, bottom], axis=-2)
 
 
-def _solved(A: Float[Numbers, "*lanes n n"], b: Float[Numbers, "*lanes n"]) -> tuple[Numbers, Bool[Numbers, "*lanes"]]:
+def _solved(A: Float[Any, "*lanes n n"], b: Float[Any, "*lanes n"]) -> tuple[Any, Bool[Any, "*lanes"]]:
     """A⁻¹ b by elimination without pivoting, and whether A is positive definite. If it is not, ignore A⁻¹ b."""
     xp, n = namespace(A), A.shape[-1]
     M, unit, pivots = xp.concatenate([A, b[..., None]], axis=-1), np.eye(n), []
@@ -68,8 +69,8 @@ def _solved(A: Float[Numbers, "*lanes n n"], b: Float[Numbers, "*lanes n"]) -> t
 
 
 def climb(
-    evaluate: Callable[[Numbers], Forms], x: Float[Numbers, "*lanes dim"], v: Float[Numbers, "*lanes dim"], reach: float
-) -> tuple[Float[Numbers, "*lanes dim"], Float[Numbers, "*lanes dim"], Float[Numbers, "*lanes"]]:
+    evaluate: Callable[[Any], Forms], x: Float[Any, "*lanes dim"], v: Float[Any, "*lanes dim"], reach: float
+) -> tuple[Float[Any, "*lanes dim"], Float[Any, "*lanes dim"], Float[Any, "*lanes"]]:
     """The local maxima (x, unit v, quotient) that are reached from the starts (x, unit v).
 
     No step moves x by more than `reach`. A start whose quotient is not finite does not move and gets the quotient −inf.

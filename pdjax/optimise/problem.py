@@ -17,7 +17,6 @@ import jax
 import numpy as np
 
 from .._internal.checks import as_array
-from ..geometry.bonds import Families, LatticeFamily
 from .parameters import Parameters
 
 
@@ -87,8 +86,7 @@ class Problem:
     def built(self, parameters: Any) -> tuple:
         """What `build` returns, as the arguments of objective and constraints."""
         made = self.build(parameters)
-        pair = isinstance(made, tuple) and len(made) == 2 and isinstance(made[1], LatticeFamily | Families)
-        return made if pair else (made,)
+        return made if isinstance(made, tuple) else (made,)
 
     def _values(self, parameters: Any) -> tuple:
         made = self.built(parameters)
