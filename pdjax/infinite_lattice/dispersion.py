@@ -115,7 +115,8 @@ def _from_series(
     return Dispersion(*on_device((*(np.ascontiguousarray(x, family.xi.dtype) for x in found), zero)))
 
 
-def _positive(density, dtype) -> Numbers:
+def checked_density(density, dtype) -> Numbers:
+    """The density as an array. ValueError is raised for a concrete value that is not one finite number > 0."""
     density = namespace(density).asarray(density, dtype)
     if is_concrete(density) and not (density.shape == () and np.isfinite(density) and density > 0):
         raise ValueError(f"density must be one finite number > 0; got {density}")
@@ -168,7 +169,7 @@ def dispersion(model: AbstractModel, family: LatticeFamily, F, k, density=1.0) -
             " Use pdjax.symbol and the eigenvalues of its result"
         )
     F = deformation_gradient(F, family.dim)
-    k, density = wave_vectors(k, family.dim, F.dtype, listed=True), _positive(density, F.dtype)
+    k, density = wave_vectors(k, family.dim, F.dtype, listed=True), checked_density(density, F.dtype)
     if is_concrete(model, family, F, k, density) and has_series(model):
         return _from_series(model, family, np.asarray(F), k, density)
     return _dispersion(model, family, F, k, density)
@@ -220,4 +221,4 @@ def classical_frequency(model: AbstractModel, F, k, density=1.0) -> Float[Array,
     F = as_real(F)
     F = F.reshape(1, 1) if F.ndim == 0 else F
     F = deformation_gradient(F, F.shape[0])
-    return _classical(model, F, wave_vectors(k, F.shape[0], F.dtype, listed=True), _positive(density, F.dtype))
+    return _classical(model, F, wave_vectors(k, F.shape[0], F.dtype, listed=True), checked_density(density, F.dtype))

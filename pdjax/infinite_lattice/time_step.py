@@ -15,7 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .._internal.checks import as_array, deformation_gradient, frozen, in_double, is_concrete
+from .._internal.checks import deformation_gradient, frozen, in_double, is_concrete
 from .._internal.public import public_function
 from ..geometry.bonds import LatticeFamily
 from ..models.base import AbstractModel
@@ -24,6 +24,7 @@ from .brillouin import brillouin_zone
 from .cosine_series import packed, reached, series
 from .criteria import family_zone, kept_symmetry
 from .criteria.waves import Found, search, search_few
+from .dispersion import checked_density
 from .lattice_states import check_at_rest, checked_states, has_series
 
 
@@ -78,9 +79,7 @@ def lattice_time_step(
             f" this {type(model).__name__}, or its control, has none"
         )
     F = deformation_gradient(np.eye(family.dim) if F is None else F, family.dim)
-    density = as_array(density, family.xi.dtype, "density")
-    if is_concrete(density) and not (density.shape == () and np.isfinite(density) and density > 0):
-        raise ValueError(f"density must be one finite number > 0; got {density}")
+    density = checked_density(density, family.xi.dtype)
     zone = family_zone(family, kept_symmetry(F, family, model.isotropic), resolution)
     quiet = quiet_model, quiet_family, quiet_F = frozen((model, family, F))
     if is_concrete(quiet) and has_series(model):

@@ -67,11 +67,10 @@ class Search:
         self.penalty = 10.0
         first = problem.evaluate(z)
         if first is None:
-            raise ValueError(f"start must lie in the domain of build, objective and constraints; {problem.last_error}")
+            raise ValueError(f"start must lie in the domain: {problem.last_error}") from problem.error
         self.here: Evaluation = first
-        count = len(first.constraints)
-        self.multipliers = np.zeros(count)
-        self.slopes = [first.gradient(1.0, np.zeros(count)), *(first.gradient(0.0, row) for row in np.eye(count))]
+        self.multipliers = np.zeros(len(first.constraints))
+        self.slopes = first.slopes
         self.scale, *scales = (_unit(slope) for slope in self.slopes)
         self.scales = np.array(scales)
         self._keep(first)

@@ -228,8 +228,6 @@ def _started(
         return Search(problem, z, steps, optimiser, tolerance)
     except ValueError:
         if number == 0:
-            if problem.error is not None:
-                raise ValueError(f"start must lie in the domain: {problem.last_error}") from problem.error
             raise
         return None
 
@@ -268,9 +266,7 @@ def _without_influence(problem: Problem, search: Search) -> list[str]:
     """Names of the parameters on which nothing depends, neither at the start nor at the last point."""
     if len(search.history) == 1:
         return []  # The search has not moved: a stationary start looks the same as an idle parameter.
-    here, count = search.here, len(search.here.constraints)
-    last = [here.gradient(1.0, np.zeros(count)), *(here.gradient(0.0, row) for row in np.eye(count))]
-    slopes = np.transpose([*search.slopes, *last])
+    slopes = np.transpose([*search.slopes, *search.here.slopes])
     return [name for name, column in zip(problem.names, slopes, strict=True) if not column.any()]
 
 

@@ -31,11 +31,12 @@ from .._internal.checks import as_array, frozen, in_double, is_concrete
 from .._internal.public import public_function
 from ..force.fields import check_model
 from ..geometry.bonds import LatticeFamily
-from ..infinite_lattice.bloch import homogeneous_tangent, modulus_at_rest
-from ..infinite_lattice.brillouin import Zone, brillouin_zone, directions, is_judging
-from ..infinite_lattice.cosine_series import on_grid, packed, reached, series, upper
+from ..infinite_lattice.bloch import homogeneous_tangent, laplacian, modulus_at_rest
+from ..infinite_lattice.brillouin import Zone, brillouin_zone, is_judging
+from ..infinite_lattice.cosine_series import packed, reached, series, upper
 from ..infinite_lattice.criteria import at_found, check_at_rest, evaluate, family_zone
 from ..infinite_lattice.criteria.on_host import outcomes
+from ..infinite_lattice.criteria.waves import sampled as on_zone
 from ..infinite_lattice.lattice_states import STATES
 from ..models.base import AbstractModel
 from .load_cases import LoadCases, checked_cases, groups
@@ -101,7 +102,6 @@ def worst_margin(
     (True, True, True)
     """
     check_model(model, family, LatticeFamily)
-    check_at_rest(*frozen((model, family)))
     F, symmetries = checked_cases(loads, model, family)
     if sharpness is not None and not is_judging():
         # The symmetry of an array changes abruptly with its values, and the number of samples with it.
@@ -109,6 +109,7 @@ def worst_margin(
         return _aggregate(model, family, F, kept, sharpness, resolution)
     quiet = quiet_model, quiet_family, quiet_F = frozen((model, family, F))
     if not is_concrete(quiet):
+        check_at_rest(quiet_model, quiet_family)
         return _traced(model, family, F, symmetries, resolution)
     worst: tuple[Any, ...] | None = None
     quiet_F = np.asarray(quiet_F)
@@ -173,6 +174,7 @@ def _aggregate(
             f"sharpness needs a model with an energy, whose symbol is symmetric; this {type(model).__name__}, or its"
             " control, has none. Leave it out"
         )
+    check_at_rest(*frozen((model, family)))
     sharpness = as_array(sharpness, family.xi.dtype)
     parts = []
     for symmetry, members in groups(symmetries):
@@ -193,16 +195,11 @@ def sampled(model: AbstractModel, family: LatticeFamily, F: Array, zone: Zone) -
     dim, bonds = family.dim, len(family.influence)
     tangent = homogeneous_tangent(model, family, jnp.eye(dim, dtype=family.xi.dtype))
     offsets = reached(dim, bonds, tangent.rings)
-    (rows, columns), place = upper(dim)
-    compass = directions(dim)
-    twice = np.where(rows == columns, 1, 2)
-    pairs = (compass[:, rows] * compass[:, columns] * twice) @ (offsets[:, rows] * offsets[:, columns]).T
-    kappa2 = np.sum(4 * np.sin(zone.grid / 2) ** 2, axis=1)
+    _, place = upper(dim)
 
     def one(f):
-        blocks = packed(series(homogeneous_tangent(model, family, f), dim, bonds))
-        waves = on_grid(blocks, offsets, list(zone.axes)).reshape(blocks.shape[1], -1)[:, zone.places] / kappa2
-        return jnp.concatenate([waves.T, -pairs.astype(blocks.dtype) @ blocks])[:, place]
+        waves, long = on_zone(packed(series(homogeneous_tangent(model, family, f), dim, bonds)), offsets, zone)
+        return jnp.concatenate([(waves / laplacian(zone.grid)).T, long])[:, place]
 
     return jax.vmap(one)(F) * family.spacing**2 / modulus_at_rest(model, family)
 

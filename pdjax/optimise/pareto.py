@@ -12,12 +12,12 @@ from contextlib import nullcontext
 from dataclasses import dataclass
 from typing import Any
 
-import jax
 import numpy as np
 
 from .._internal.public import public_function
 from ..infinite_lattice.brillouin import judging
 from .design_search import Design, design
+from .parameters import Parameters
 from .problem import named
 
 
@@ -131,12 +131,9 @@ def pareto_front(
 
 def _within(parameters: Any, bounds: Any) -> Any:
     """The parameters clipped to the bounds, which rounding may have left."""
-    sides = []
-    for side in bounds:
-        leaves = jax.tree.leaves(side)
-        one = len(leaves) == 1 and np.ndim(leaves[0]) == 0
-        sides.append(jax.tree.map(lambda x, s=leaves: np.broadcast_to(s[0], np.shape(x)), parameters) if one else side)
-    return jax.tree.map(lambda x, lo, hi: np.clip(np.asarray(x), lo, hi), parameters, *sides)
+    tree = Parameters(parameters)
+    lower, upper = (tree.flat_of("a bound", side, np.nan) for side in bounds)
+    return tree.tree(np.fmin(np.fmax(tree.flat, lower), upper))
 
 
 def _front(designs: list[Design], names: tuple[str, str], values: Callable) -> ParetoFront:

@@ -28,6 +28,12 @@ class Evaluation(NamedTuple):
     constraints: np.ndarray  # (constraints,), a feasible point has none > 0
     gradient: Callable[[float, np.ndarray], np.ndarray]  # of a · objective + b · constraints, in z
 
+    @property
+    def slopes(self) -> list[np.ndarray]:
+        """The gradients of the objective and of every constraint."""
+        count = len(self.constraints)
+        return [self.gradient(1.0, np.zeros(count)), *(self.gradient(0.0, row) for row in np.eye(count))]
+
 
 def named(constraints: Any) -> dict[str, Callable]:
     """Constraints given as a function, a sequence or a mapping, by name."""

@@ -49,6 +49,20 @@ class Found(NamedTuple):
     scale: Float[Numbers, " states"]
 
 
+def sampled(blocks: Float[Numbers, "offsets p"], offsets: np.ndarray, zone: Zone) -> tuple[Numbers, Numbers]:
+    """Ĵ of one state on the grid of the zone (p, waves), and Ĵ/|x|² in the limit x → 0 along `directions` (compass, p).
+
+    `blocks` and both results hold upper triangles (`packed`).
+    """
+    dim, real = offsets.shape[1], blocks.dtype
+    compass = directions(dim).astype(real)
+    values = on_grid(blocks, offsets, list(zone.axes)).reshape(blocks.shape[1], -1)[:, zone.places]
+    (rows, columns), _ = upper(dim)
+    pairs = compass[:, rows] * compass[:, columns] * np.where(rows == columns, 1, 2).astype(real)
+    fourth = (offsets[:, rows] * offsets[:, columns]).astype(real).T @ blocks
+    return values, -(pairs @ fourth)
+
+
 def _screen(
     blocks: Float[Numbers, "offsets p"], offsets: np.ndarray, zone: Zone
 ) -> tuple[Numbers, Numbers, Array | np.floating]:
@@ -59,13 +73,9 @@ def _screen(
     """
     xp, dim, real = namespace(blocks), offsets.shape[1], blocks.dtype
     grid, compass = zone.grid.astype(real), directions(dim).astype(real)
-    values = on_grid(blocks, offsets, list(zone.axes)).reshape(blocks.shape[1], -1)[:, zone.places]
+    values, long = sampled(blocks, offsets, zone)
     top = largest_eigenvalue(entries(values, dim))
     screen = top / laplacian(grid)
-    (rows, columns), _ = upper(dim)
-    pairs = compass[:, rows] * compass[:, columns] * np.where(rows == columns, 1, 2).astype(real)
-    fourth = (offsets[:, rows] * offsets[:, columns]).astype(real).T @ blocks
-    long = -(pairs @ fourth)
     way = xp.argmax(largest_eigenvalue(entries(long.T, dim)))
     waves = xp.concatenate([class_best(zone, screen), xp.stack([second_best(zone, screen), xp.argmax(top)])])
     starts = xp.concatenate([xp.asarray(grid)[waves], xp.asarray(compass)[way][None]])
