@@ -13,6 +13,7 @@ The modules, in the order in which to read them:
     flutter          the criterion "symbol" for a model without an energy
     continuum        the criterion "continuum"
     on_host          criteria of concrete models, for maps of many states
+    certified        the criterion "symbol" with a proof
     critical_load    critical loads along a path, and stable orders
 
 Sources: Silling 2017 (material), Behzadinasab & Foster (diagonal, continuum), Born & Huang 1954 (symbol).
@@ -32,6 +33,7 @@ from ...geometry.bonds import LatticeFamily
 from ...models.base import AbstractModel
 from ..brillouin import Zone, brillouin_zone, default_intervals, is_judging
 from ..lattice_states import check_at_rest
+from .certified import NOT_TRACED, certified_outcome, check_budget
 from .continuum import continuum
 from .on_host import outcomes
 from .outcome import Outcome, Stability, margin_tolerance, verdicts
@@ -113,7 +115,12 @@ def at_found(model, family, F, criterion: str, zone: Zone, found: Outcome) -> Ou
 
 @public_function
 def stability(
-    model: AbstractModel, family: LatticeFamily, F, criterion: str = "symbol", resolution: int | None = None
+    model: AbstractModel,
+    family: LatticeFamily,
+    F,
+    criterion: str = "symbol",
+    resolution: int | None = None,
+    certify: float | None = None,
 ) -> Stability:
     """Decide whether the infinite lattice is stable under the homogeneous deformation x = F X.
 
@@ -134,6 +141,10 @@ def stability(
     resolution : int, optional
         Grid intervals from 0 to π/h along each axis of the Brillouin zone, for the criterion "symbol". The default is 8
         for each spacing of the horizon.
+    certify : float, optional
+        Relative tolerance of a proof that the search of the zone has missed no wave, for the criterion "symbol", see
+        `certify`. The result then has the proved bounds as `certificate`. If the proof finds a worse wave, the result
+        is at that wave.
 
     Returns
     -------
@@ -155,7 +166,8 @@ def stability(
     ValueError
         If the criterion is unknown, if det F ≤ 0, if the family is too small for the model, if the P-wave modulus M of
         the model at rest is not positive, or if the model lacks what the criterion needs: "local" needs a classical
-        law, and "continuum" needs a point state and no zero-energy control.
+        law, and "continuum" needs a point state and no zero-energy control. Also if a proof is asked for another
+        criterion than "symbol", or of traced values.
 
     Notes
     -----
@@ -206,19 +218,31 @@ def stability(
     F = deformation_gradient(F, family.dim)
     zone = family_zone(family, kept_symmetry(F, family, model.isotropic), resolution)
     quiet = quiet_model, quiet_family, quiet_F = frozen((model, family, F))
-    if is_concrete(quiet):
+    certificate = None
+    if certify is not None:
+        check_budget(certify)
+        if criterion != "symbol":
+            raise ValueError(
+                f'certify is for the criterion "symbol", which searches waves; got criterion {criterion!r}'
+            )
+        if not is_concrete(quiet):
+            raise ValueError(NOT_TRACED)
+        out, certificate = certified_outcome(quiet_model, quiet_family, np.asarray(quiet_F), zone, certify)
+        out = jax.tree.map(lambda x: x[0], out)
+    elif is_concrete(quiet):
         out = outcomes(criterion, quiet_model, quiet_family, np.asarray(quiet_F)[None], zone)
         out = jax.tree.map(lambda x: x[0], out)
-        if not is_concrete(model, family, F):  # Derivatives flow through the margin at the wave and mode found.
-            out = at_found(model, family, F, criterion, zone, out)
     else:
         check_at_rest(model, family)
         out = _stability(model, family, F, criterion, zone.intervals, zone.symmetry)
+    if is_concrete(quiet) and not is_concrete(model, family, F):
+        # Derivatives flow through the margin at the wave and mode found.
+        out = at_found(model, family, F, criterion, zone, out)
     tolerance = margin_tolerance(family.xi.dtype, out.scale)
     numbers = on_device((out.margin, out.eigenvalue, out.mode, out.wave_vector, out.direction, tolerance))
     margin, eigenvalue, mode, wave_vector, direction, tolerance = numbers
     resolution = zone.intervals if criterion == "symbol" else None
-    return Stability(criterion, margin, eigenvalue, mode, wave_vector, direction, tolerance, resolution)
+    return Stability(criterion, margin, eigenvalue, mode, wave_vector, direction, tolerance, resolution, certificate)
 
 
 __all__ = [

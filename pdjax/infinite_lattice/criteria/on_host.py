@@ -67,7 +67,11 @@ def from_states(
 
 
 def _symbol(model: AbstractModel, family: LatticeFamily, states: States, zone: Zone) -> Outcome:
-    found = searched(states, model, family, zone)
+    return at_waves(searched(states, model, family, zone), states, family)
+
+
+def at_waves(found: Found, states: States, family: LatticeFamily) -> Outcome:
+    """The outcome of the criterion "symbol" at the waves that a search or a proof has found."""
     M, h = states.modulus, states.spacing
     work, kappa2 = _work(states.blocks, states.offsets, found.x, found.is_long, found.mode)
     margin = work * h**2 / (M * kappa2)

@@ -11,6 +11,7 @@ from jaxtyping import Array, Float, PyTree
 from ..._internal.checks import Numbers, namespace
 from ..._internal.shown import told
 from ..brillouin import top_pair
+from ..certificate.certificate import Certificate
 
 
 class Outcome(NamedTuple):
@@ -63,6 +64,8 @@ class Stability(eqx.Module):
         Margins between −tolerance and tolerance are zero to rounding.
     resolution : int or None
         Grid intervals from 0 to π/h along each axis of the Brillouin zone ("symbol" only).
+    certificate : Certificate or None
+        Proved bounds of the margin, if `stability` was asked to certify it.
     verdict : str
         The margin in words.
 
@@ -84,6 +87,7 @@ class Stability(eqx.Module):
     direction: Float[Array, "..."] | None
     tolerance: Float[Array, "..."]
     resolution: int | None = eqx.field(static=True)
+    certificate: Certificate | None = None
 
     @property
     def verdict(self) -> str | np.ndarray:
@@ -103,6 +107,8 @@ class Stability(eqx.Module):
             lines.append(f"  wave vector {text(self.wave_vector)}, eigenvalue {text(self.eigenvalue)}")
         if jnp.asarray(self.margin).dtype == jnp.float32:
             lines.append(f"  float32: margins within ±{np.asarray(self.tolerance):.1e} can't be told from zero")
+        if self.certificate is not None:
+            lines.append(f"  proof: {self.certificate}".replace("\n", "\n  "))
         return "\n".join(lines)
 
 

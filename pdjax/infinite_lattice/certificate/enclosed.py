@@ -1,0 +1,100 @@
+"""Enclosures of the margins of linearised states: a lower bound from the best wave known, an upper bound by proof.
+
+The search of the Brillouin zone proposes the best wave. Its quotient vᵀĴv/(M κ²), less the bound of its rounding
+error, is a lower bound of the margin, whatever the search has missed. The proof (`proof`) takes the level just above
+it. A wave that refutes the proof is a wave that the search has missed. Then a climb starts there, and the proof starts
+again.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ..climb import climb
+from ..cosine_series import Series, forms, packed
+from .enclosure import UNIT, Boxes
+from .proof import prove
+
+FLOOR = 1e-9  # Smallest width of an enclosure [-]. Rounding takes up to 1e-10 for 3D lattices with N = 3.
+_ROUNDS = 8  # Every round climbs to a higher local maximum. More than two were never seen.
+
+
+class Enclosed(NamedTuple):
+    """Enclosures of the margins of several states. Every array has a leading axis of states.
+
+    `lower` and `upper` enclose the margin. `x` [1/spacing] and `mode` are wave and polarisation of the lower bound, and
+    `is_long` tells that x is the direction of the limit k → 0. `boxes` counts the boxes, `proved` tells that the width
+    has been reached, and `missed` that the proof has found a higher wave than the one proposed. `regions` and `frames`
+    are the boxes of a `Proof`.
+    """
+
+    lower: np.ndarray
+    upper: np.ndarray
+    x: np.ndarray
+    is_long: np.ndarray
+    mode: np.ndarray
+    boxes: np.ndarray
+    proved: np.ndarray
+    missed: np.ndarray
+    regions: Boxes | None
+    frames: np.ndarray
+
+
+def quotients(blocks: np.ndarray, offsets: np.ndarray, x: np.ndarray, is_long: np.ndarray, mode: np.ndarray):
+    """vᵀĴv/κ² of every state at one wave, and a bound of its rounding error, both (states,)."""
+    angle = x @ offsets.T
+    c = np.where(is_long[:, None], angle**2, 4 * np.sin(angle / 2) ** 2)
+    kappa = np.where(is_long, (x**2).sum(axis=1), (4 * np.sin(x / 2) ** 2).sum(axis=1))
+    value = -np.einsum("so,si,soij,sj->s", c, mode, blocks, mode) / ((mode**2).sum(axis=1) * kappa)
+    size = np.linalg.norm(blocks, axis=(2, 3)) @ np.abs(offsets).sum(axis=1) ** 2
+    return value, 4 * (len(offsets) + 64) * UNIT * size
+
+
+def _climbed(blocks: np.ndarray, offsets: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The local maximum (x, mode) of the quotient that is reached from the wave x of every state."""
+    symbol = -np.einsum("so,soij->sij", 4 * np.sin(x @ offsets.T / 2) ** 2, blocks)
+    mode = np.linalg.eigh((symbol + symbol.transpose(0, 2, 1)) / 2)[1][..., -1]
+    series, no = Series.of(packed(blocks), offsets), np.array([False])
+    x, mode, _ = climb(lambda x: forms(series, x, no, no), x[:, None], mode[:, None], np.pi / 4)
+    return x[:, 0], mode[:, 0]
+
+
+def enclose(
+    blocks: np.ndarray,
+    offsets: np.ndarray,
+    x: np.ndarray,
+    is_long: np.ndarray,
+    mode: np.ndarray,
+    tol: float,
+    boxes: int,
+    seconds: float = np.inf,
+    show: bool = False,
+    keep: bool = False,
+) -> Enclosed:
+    """Enclose the margins of states to a width of tol × |margin|, from the best waves known.
+
+    `blocks` (states, offsets, dim, dim) are in units of M/h². `boxes` is the largest number of boxes for each state.
+    """
+    states = len(blocks)
+    x, is_long, mode = (np.array(part) for part in (x, is_long, mode))
+    lower, upper = np.full(states, -np.inf), np.full(states, np.inf)
+    used, missed, done = np.zeros(states, int), np.zeros(states, bool), np.zeros(states, bool)
+    regions, frames = None, np.zeros((0, *blocks.shape[2:]))
+    open_ = np.arange(states)
+    for _ in range(_ROUNDS):
+        part = blocks[open_]
+        value, rounding = quotients(part, offsets, x[open_], is_long[open_], mode[open_])
+        lower[open_] = value - rounding
+        width = np.maximum(tol * np.abs(value), FLOOR)
+        level = value + np.maximum(width - 2 * rounding, 2 * rounding)
+        proof = prove(part, offsets, level, boxes, seconds, show, keep)
+        used[open_] += proof.boxes
+        upper[open_], done[open_] = proof.upper, proof.done
+        regions, frames = proof.regions, proof.frames
+        found = proof.value > level
+        open_ = open_[found]
+        if not len(open_):
+            break
+        missed[open_], is_long[open_] = True, False
+        x[open_], mode[open_] = _climbed(blocks[open_], offsets, proof.wave[found])
+    return Enclosed(lower, upper, x, is_long, mode, used, done, missed, regions, frames)
