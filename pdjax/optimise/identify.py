@@ -152,8 +152,8 @@ def identify(
     Raises
     ------
     ValueError
-        If an argument is wrong, if data are NaN or have another shape than the predictions, or if there is no
-        prediction at the start.
+        If an argument is wrong, if data are NaN or have another shape than the predictions, if there is no prediction
+        at the start, or if the predictions depend on no parameter.
     RuntimeError
         If `throw` is True and the search did not converge.
 

@@ -27,7 +27,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .._internal.checks import as_array, frozen, in_double, is_concrete
+from .._internal.checks import as_array, differentiated_in_double, frozen, in_double, is_concrete
 from .._internal.public import public_function
 from ..force.fields import check_model
 from ..geometry.bonds import LatticeFamily
@@ -43,6 +43,7 @@ from .load_cases import LoadCases, checked_cases, groups
 
 
 @public_function
+@differentiated_in_double
 @in_double
 def worst_margin(
     model: AbstractModel,
