@@ -76,7 +76,8 @@ def _double(tree: Tree) -> Tree:
 def in_double(function: Callable[Parameters, Result]) -> Callable[Parameters, Result]:
     """Decorate a function of the host so that it computes float32 arguments in float64 and returns float32.
 
-    `computed_in_double` gives the reason. Under a JAX transformation the function runs unchanged.
+    `computed_in_double` gives the reason. Under a JAX transformation the function runs unchanged, see also
+    `differentiated_in_double`.
     """
 
     def is_single(leaf: object) -> bool:

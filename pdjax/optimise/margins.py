@@ -82,10 +82,11 @@ def worst_margin(
 
     Notes
     -----
-    First derivatives in the model, the family and the loads are available. Where two cases or waves share the maximum,
-    the derivative is that of the one which the search found. It is then an element of the generalised gradient. With
-    `sharpness` the result is smooth. It lies above the largest of the n sampled values (cases × waves × branches) by at
-    most ln(n)/s. The search without `sharpness` also climbs between the grid points.
+    First derivatives in the model, the family and the loads are available. In float32 they are computed in float64,
+    except inside `jit` and `vmap`. Where two cases or waves share the maximum, the derivative is that of the one which
+    the search found. It is then an element of the generalised gradient. With `sharpness` the result is smooth. It lies
+    above the largest of the n sampled values (cases × waves × branches) by at most ln(n)/s. The search without
+    `sharpness` also climbs between the grid points.
 
     References
     ----------

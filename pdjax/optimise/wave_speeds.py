@@ -85,7 +85,8 @@ def dispersion_error(
     Notes
     -----
     The error is sampled at 8 wave numbers up to kh along 1 direction in 1D, 48 in 2D and 193 in 3D. First derivatives
-    in the model, the family and F are exact at the worst sample.
+    in the model, the family and F are exact at the worst sample. In float32 they are computed in float64, except inside
+    `jit` and `vmap`.
 
     Examples
     --------
