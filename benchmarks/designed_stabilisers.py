@@ -29,6 +29,7 @@ import numpy as np
 import optax
 from matplotlib.figure import Figure
 from scipy.optimize import minimize
+from stabiliser_fronts import LATTICES, LAW, Space, all_paths, designed, fronts, measures, transfer
 
 import pdjax as pd
 from pdjax.bench.harness import results, write
@@ -36,28 +37,9 @@ from pdjax.figures import SERIES
 
 jax.config.update("jax_enable_x64", True)
 NAME = "designed_stabilisers"
-LAW = pd.LinearElastic(1.0, 1.0)
-LATTICES = {1: 3, 2: 3, 3: 2}  # N by dimension
 ORDERS = (-1.0, 0.0, 0.5, 1.0, 2.0)
 LOADS = (-0.1, -0.05, -0.01, 0.01, 0.05, 0.1)
-MARGINS = (-0.02, -0.15)
 PARTS = ("penalty", "time", "methods", "fronts", "transfer")
-
-
-def all_paths(dim: int) -> list[str]:
-    """Names of the load paths of a dimension."""
-    return [name for name in pd.PATHS if dim > 1 or name in ("hydrostatic",)]
-
-
-def measures(model, family, cases) -> dict:
-    """Margin over the load cases, errors of wave speeds at kh = 1, and the critical time step (h = ρ = 1)."""
-    return {
-        "margin": float(pd.worst_margin(model, family, cases)),
-        "phase error": float(pd.dispersion_error(model, family)),
-        "shear error": float(pd.dispersion_error(model, family, branches=(0,))),
-        "group error": float(pd.dispersion_error(model, family, speed="group")),
-        "time step": float(pd.lattice_time_step(model, family)),
-    }
 
 
 def penalty(kept: dict, save) -> None:
@@ -120,138 +102,6 @@ def rules(rows: list[dict]) -> list[dict]:
                     }
                 )
     return found
-
-
-class Space:
-    """A family of stabilised models: parameters → (model, lattice family), with a start and bounds."""
-
-    def __init__(self, dim: int, seth_hill: bool, weights: str | None, shells: bool = True):
-        self.dim, self.N, self.weights, self.shells, self.seth_hill = dim, LATTICES[dim], weights, shells, seth_hill
-        self.q = pd.shells(dim, self.N)
-        count = len(self.q)
-        self.fixed = pd.lattice_family(dim, self.N)
-        self.start = {"g": jnp.full(count, 0.3) if shells else jnp.array(0.3)}
-        self.lower, self.upper = {"g": -4.0 if shells else 0.0}, {"g": 4.0}
-        if seth_hill:
-            self.start["m"], self.lower["m"], self.upper["m"] = jnp.array(0.5), -2.0, 3.0
-        if weights:
-            self.start["w"] = jnp.linspace(0.9, 0.4, count - 1)
-            self.lower["w"], self.upper["w"] = -1.0 if weights == "signed" else 0.0, 2.0
-
-    def model(self, p):
-        """The stabilised model."""
-        control = pd.ShellControl(self.q, p["g"]) if self.shells else pd.SillingControl(p["g"])
-        return pd.SethHill(p["m"], LAW, control) if self.seth_hill else pd.Correspondence(LAW, control)
-
-    def influence(self, p):
-        """The influence function. The weight of the first shell is 1, because a factor does not change the model."""
-        w = pd.interpolated_influence(self.q, jnp.concatenate([jnp.ones(1), p["w"]]))
-        return pd.signed_influence(w) if self.weights == "signed" else w
-
-    def __call__(self, p):
-        """(model, family)."""
-        family = pd.lattice_family(self.dim, self.N, influence=self.influence(p)) if self.weights else self.fixed
-        return self.model(p), family
-
-
-SPACES = {
-    "Silling, penalty g": Space(2, False, None, False),
-    "Silling, by shells": Space(2, False, None),
-    "Silling, by shells, ω ≥ 0": Space(2, False, "positive"),
-    "Silling, by shells, signed ω": Space(2, False, "signed"),
-    "Seth–Hill m, penalty g": Space(2, True, None, False),
-    "Seth–Hill m, by shells": Space(2, True, None),
-    "Seth–Hill m, by shells, signed ω": Space(2, True, "signed"),
-    "3D Silling, penalty g": Space(3, False, None, False),
-    "3D Silling, by shells": Space(3, False, None),
-    "3D Silling, by shells, signed ω": Space(3, False, "signed"),
-}
-
-
-def designed(space: Space, limit: float, start, steps: int, sharp: float = 300.0) -> pd.Design:
-    """The smallest phase error whose margin is at most `limit`."""
-    cases = pd.load_cases(all_paths(space.dim), [-0.05, 0.05])
-    return pd.design(
-        space,
-        start,
-        lambda model, family: pd.dispersion_error(model, family, sharpness=sharp),
-        {"margin": lambda model, family: pd.worst_margin(model, family, cases, sharpness=sharp) - limit},
-        bounds=(
-            {k: jnp.broadcast_to(space.lower[k], jnp.shape(v)) for k, v in start.items()},
-            {k: jnp.broadcast_to(space.upper[k], jnp.shape(v)) for k, v in start.items()},
-        ),
-        steps=steps,
-    )
-
-
-def fronts(kept: dict, save, steps: int = 60) -> None:
-    """Designs of every space for every margin, each from its neighbour."""
-    table = kept.setdefault("fronts", {})
-    for name, space in SPACES.items():
-        rows = table.setdefault(name, [])
-        start = {k: jnp.asarray(v) for k, v in rows[-1]["parameters"].items()} if rows else space.start
-        cases = pd.load_cases(all_paths(space.dim), [-0.05, 0.05])
-        for limit in (x for x in MARGINS if x not in [r["limit"] for r in rows]):
-            begin = time.perf_counter()
-            found = designed(space, limit, start, steps)
-            start = {k: np.clip(v, space.lower[k], space.upper[k]) for k, v in found.parameters.items()}
-            rows.append(
-                {
-                    "limit": limit,
-                    "feasible": found.feasible,
-                    "judged": {k: float(np.max(v)) for k, v in found.judged.items()},
-                    "reason": found.reason,
-                    "evaluations": found.evaluations,
-                    "seconds": time.perf_counter() - begin,
-                    "parameters": {k: np.asarray(v).tolist() for k, v in found.parameters.items()},
-                }
-                | measures(found.model, found.family, cases)
-            )
-            print(name, {k: v for k, v in rows[-1].items() if k != "parameters"}, flush=True)
-            save()
-
-
-def transfer(kept: dict, save) -> None:
-    """The designs of margin −0.02 on what they have not seen: other strains, jittered cells, and a clamped plate."""
-    table = {}
-    rng = np.random.default_rng(7)
-    for name, rows in kept["fronts"].items():
-        space = SPACES[name]
-        row = next((r for r in rows if r["limit"] == -0.02), None)
-        if space.dim != 2 or row is None:
-            continue
-        p = {k: jnp.asarray(v) for k, v in row["parameters"].items()}
-        model, family = space(p)
-        out = {"margin at ±1 %": float(pd.worst_margin(model, family, pd.load_cases(all_paths(2), [-0.01, 0.01])))}
-        out["margin at ±10 %"] = float(pd.worst_margin(model, family, pd.load_cases(all_paths(2), [-0.1, 0.1])))
-        influence = space.influence(p) if space.weights else "constant"
-        for jitter in (0.1, 0.2):
-            unstable = 0
-            for _ in range(5):
-                cell = pd.lattice((4, 4)).positions + jitter * rng.uniform(-1, 1, (16, 2))
-                families = pd.cell_families(pd.cloud(cell, np.ones(16)), (4.0, 4.0), 3.0, influence=influence)
-                states = [
-                    pd.cell_stability(model, families, F, resolution=4) for F in (0.95 * np.eye(2), 1.05 * np.eye(2))
-                ]
-                unstable += any(s.verdict == "unstable" for s in states)
-            out[f"unstable of 5 cells, jitter {jitter:g}"] = unstable
-        body = pd.lattice((14, 10))
-        for side, a in (("compression", -0.05), ("tension", 0.05)):
-            ends = (body.positions[:, 0] < 3) | (body.positions[:, 0] > 10)
-            pull = np.zeros((len(body), 2))
-            pull[:, 0] = a * body.positions[:, 0]
-            plate = pd.scene(body, pd.families(body, 3.0, influence=influence), model, pd.prescribe(ends, pull[ends]))
-            found = pd.solve(plate, step=0.25, show_progress=False)
-            state = found.stability
-            out[f"plate with free edges, {side}"] = {
-                "converged": bool(found.converged),
-                "kind": found.kind,
-                "positive": None if state is None else int(np.sum(np.asarray(state.eigenvalues) > 0)),
-            }
-        table[name] = out
-        kept["transfer"] = table
-        save()
-        print(name, out, flush=True)
 
 
 def _problem():
@@ -376,7 +226,9 @@ def draw(kept: dict) -> Figure:
         left.plot([100 * a for a in LOADS], worst, "o-", color=SERIES[i], label=f"m = {m:g}", ms=4)
     left.set(xlabel="strain [%]", ylabel="least penalty g [-]", title="Seth–Hill, 2D, N = 3, worst load path")
     left.legend(frameon=False, fontsize=8)
-    for i, (name, rows) in enumerate((n, r) for n, r in kept.get("fronts", {}).items() if not n.startswith("3D")):
+    for i, (name, rows) in enumerate(
+        (n, r) for n, r in kept.get("fronts", {}).items() if not n.startswith(("1D", "3D"))
+    ):
         good = [r for r in rows if r["feasible"]]
         middle.plot(
             [100 * r["phase error"] for r in good],

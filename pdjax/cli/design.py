@@ -35,7 +35,13 @@ def add(jobs: Jobs, formatter: Formatter) -> None:
     job.add_argument("--N", type=float, default=3.0, help="horizon over lattice spacing [-] (default 3)")
     job.add_argument("--lam", type=float, default=1.0, help="first Lamé constant of the linear law (default 1)")
     job.add_argument("--mu", type=float, default=1.0, help="shear modulus of the linear law (default 1)")
-    job.add_argument("--m", type=float, nargs="+", default=[1.0], help="orders m of the Seth–Hill model (default 1)")
+    job.add_argument(
+        "--m",
+        type=float,
+        nargs="+",
+        default=[1.0],
+        help="order m of the Seth–Hill model (default 1). penalty takes several orders",
+    )
     job.add_argument("--silling", action="store_true", help="Silling's correspondence model instead of Seth–Hill")
     job.add_argument("--strain", type=float, default=0.05, help="size of the loads [-] (default 0.05)")
     job.add_argument("--path", nargs="+", help="load paths (default: all)")
@@ -52,6 +58,11 @@ def run(arguments: argparse.Namespace) -> Job:
     """Answer one question. Return the results with a function that writes the file."""
     import pdjax as pd
 
+    if len(arguments.m) > 1 and arguments.question != "penalty":
+        orders = " ".join(f"{m:g}" for m in arguments.m)
+        raise ValueError(
+            f"--m must be one order for {arguments.question}; got {orders}. Run the command once for each order"
+        )
     path = writable(arguments.out) if arguments.out else None
     law = pd.LinearElastic(lam=arguments.lam, mu=arguments.mu)  # type: ignore[call-arg]
     family = pd.lattice_family(arguments.dim, arguments.N)

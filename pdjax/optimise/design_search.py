@@ -187,6 +187,19 @@ def design(
     ...     constraints={"margin": lambda model: pd.worst_margin(model, family, cases)}, bounds=(0.0, 2.0))
     >>> found.feasible, found.binding, round(float(found.parameters), 3)
     (True, ['margin'], 0.049)
+
+    The same with one constraint for each sign of the load, and with smooth bounds of both margins. The bounds lie above
+    the margins, and the penalty is therefore a little larger. Only compression binds.
+
+    >>> def smooth(a):
+    ...     cases = pd.load_cases("hydrostatic", [a])
+    ...     return lambda model: pd.worst_margin(model, family, cases, sharpness=300.0)
+    >>> found = pd.design(
+    ...     build=lambda g: pd.SethHill(1.0, law, pd.SillingControl(g)), start=0.1,
+    ...     objective=lambda model: model.control.g,
+    ...     constraints={"compression": smooth(-0.05), "tension": smooth(0.05)}, bounds=(0.0, 1.0))
+    >>> found.feasible, found.binding, round(float(found.parameters), 3)
+    (True, ['compression'], 0.055)
     """
     if optimiser is not None and not (hasattr(optimiser, "init") and hasattr(optimiser, "update")):
         raise ValueError(f"optimiser must be a method of optax, such as optax.adam(0.01); got {optimiser!r:.80}")

@@ -152,8 +152,8 @@ def identify(
     Raises
     ------
     ValueError
-        If an argument is wrong, if data are NaN or have another shape than the predictions, or if there is no
-        prediction at the start.
+        If an argument is wrong, if data are NaN or have another shape than the predictions, if there is no prediction
+        at the start, or if the predictions depend on no parameter.
     RuntimeError
         If `throw` is True and the search did not converge.
 
@@ -161,7 +161,7 @@ def identify(
     -----
     The covariance is linearised, and it assumes that the model is right. A regularisation counts as prior knowledge. It
     adds a bias that the covariance does not contain. Displacements under prescribed displacements determine moduli only
-    up to a common factor. Measure a force too.
+    up to a common factor. Measure a force too. The search ends at once at a start where all derivatives vanish.
 
     References
     ----------
@@ -175,6 +175,17 @@ def identify(
     >>> families, ends = pd.families(pair, 1.0), (pd.prescribe(0), pd.total_force([1], [1.0]))
     >>> spring = lambda p: pd.scene(pair, families, pd.BondBased(p["c"]), *ends)
     >>> found = pd.identify(spring, {"c": 1.0}, [[0.0], [0.2]], noise=0.01)
+    >>> round(float(found.parameters["c"]), 6), found.identifiable
+    (5.0, True)
+
+    The same stiffness from the force of 1 on an end, where the ends of two such springs are held. `measure` returns the
+    force, because the displacements under prescribed displacements do not depend on the stiffness.
+
+    >>> row = pd.bar(3, 3.0)
+    >>> families, ends = pd.families(row, 1.0), pd.prescribe([0, 2], [[0.0], [0.4]])
+    >>> springs = lambda p: pd.scene(row, families, pd.BondBased(p["c"]), ends)
+    >>> force = lambda scene, u: -scene.unbalanced(u)[2]
+    >>> found = pd.identify(springs, {"c": 1.0}, [1.0], noise=0.01, measure=force)
     >>> round(float(found.parameters["c"]), 6), found.identifiable
     (5.0, True)
     """

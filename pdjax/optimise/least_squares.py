@@ -17,6 +17,8 @@ from .measured import Measured
 from .parameters import Parameters
 from .predictions import LeftDomain
 
+# Largest change of the predictions, relative to the largest of them, that counts as rounding; measured below 1e-14.
+ROUNDING = 1e-12
 ENDINGS = {1: IdentifyEnding.GRADIENT, 2: IdentifyEnding.COST, 3: IdentifyEnding.STEP, 4: IdentifyEnding.COST}
 
 
@@ -89,6 +91,28 @@ class Search:
         self.pins = s[0] * v[s <= NULL * s[0]]
         self.first = np.concatenate([self.first, self.pins])
 
+    def check_dependence(self, low: np.ndarray, high: np.ndarray) -> None:
+        """Raise ValueError if the predictions have no derivative and no other value in the neighbourhood of the start.
+
+        low, high: bounds of the scaled parameters.
+        """
+        assert self.best is not None
+        _, _, first, J, _ = self.best
+        rounding = ROUNDING * np.max(np.abs(first + self.measured.values / self.measured.sigma))
+        if np.max(np.abs(J)) > rounding:
+            return
+        near = self.start + 0.05 * np.random.default_rng(1).standard_normal(len(self.start))
+        self.forward += 1
+        self.at = np.full(len(self.start), np.nan)  # The problem keeps its last point, which is no longer the start.
+        data = self._predicted(np.clip(near, low, high) * self.scale)
+        if data is not None and np.max(np.abs(data - first)) <= rounding:
+            raise ValueError(
+                "the predictions do not depend on the parameters: they are the same at the start and at a point near"
+                " by, and their derivatives are zero. Check that scene_of uses the parameters and that no value becomes"
+                " a Python number on the way. A common factor of all moduli changes no displacement under prescribed"
+                " displacements; measure a force too"
+            )
+
     def jacobian(self, z: np.ndarray) -> np.ndarray:
         """The Jacobian of the weighted residuals at an accepted point."""
         if self.first is not None:  # the search asks for the one at the start, which `pin` has computed
@@ -118,6 +142,10 @@ def minimise(search: Search, z: np.ndarray, bounds, tolerance: float, most: int)
 
     try:
         search.pin()
+        search.check_dependence(*bounds)
+        assert search.best is not None
+        if not any(slopes.any() for slopes in search.best[3:]):  # SciPy would take steps of NaN.
+            return IdentifyEnding.GRADIENT
         with np.errstate(divide="ignore", invalid="ignore"):  # SciPy divides 0 by 0 where all residuals are zero
             found = least_squares(
                 search.residuals,

@@ -27,7 +27,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .._internal.checks import as_array, frozen, in_double, is_concrete
+from .._internal.checks import as_array, differentiated_in_double, frozen, in_double, is_concrete
 from .._internal.public import public_function
 from ..force.fields import check_model
 from ..geometry.bonds import LatticeFamily
@@ -43,6 +43,7 @@ from .load_cases import LoadCases, checked_cases, groups
 
 
 @public_function
+@differentiated_in_double
 @in_double
 def worst_margin(
     model: AbstractModel,
@@ -81,10 +82,11 @@ def worst_margin(
 
     Notes
     -----
-    First derivatives in the model, the family and the loads are available. Where two cases or waves share the maximum,
-    the derivative is that of the one which the search found. It is then an element of the generalised gradient. With
-    `sharpness` the result is smooth. It lies above the largest of the n sampled values (cases × waves × branches) by at
-    most ln(n)/s. The search without `sharpness` also climbs between the grid points.
+    First derivatives in the model, the family and the loads are available. In float32 they are computed in float64,
+    except inside `jit` and `vmap`. Where two cases or waves share the maximum, the derivative is that of the one which
+    the search found. It is then an element of the generalised gradient. With `sharpness` the result is smooth. It lies
+    above the largest of the n sampled values (cases × waves × branches) by at most ln(n)/s. The search without
+    `sharpness` also climbs between the grid points.
 
     References
     ----------

@@ -11,6 +11,8 @@ the smoothed total variation without its constant w ε for each difference. The 
 sum of squares, but its slope vanishes at Δ = 0, where a Gauss–Newton method would then see no curvature. The form above
 has there the exact curvature of the penalty, w/ε.
 
+At w = 0 the residuals have no derivative with respect to w, because that of √w is infinite.
+
 Sources: Tikhonov & Arsenin 1977; Rudin, Osher & Fatemi 1992; Acar & Vogel 1994 (smoothing).
 """
 
@@ -23,8 +25,26 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .._internal.checks import as_real, is_concrete
+from .._internal.checks import as_real, is_concrete, require
 from .._internal.public import public_function
+
+
+@jax.custom_jvp
+def _root(weight: Array) -> Array:
+    """√w. Its derivative at w = 0 raises an error."""
+    return jnp.sqrt(weight)
+
+
+@_root.defjvp
+def _(primals, tangents):
+    (weight,), (change,) = primals, tangents
+    root = require(
+        jnp.sqrt(weight),
+        weight > 0,
+        "weight must be > 0 where the residuals are differentiated with respect to it, because the derivative of √w is"
+        " infinite at w = 0; got 0. Take a small weight > 0",
+    )
+    return root, change / (2 * root)
 
 
 def _differences(tree: Any, order: int) -> list[Array]:
@@ -53,7 +73,7 @@ class Tikhonov(eqx.Module):
         tree = parameters if self.part is None else self.part(parameters)
         if self.reference is not None:
             tree = jax.tree.map(lambda x, x0: x - x0, tree, self.reference)
-        return jnp.sqrt(self.weight) * jnp.concatenate([jnp.zeros(0), *_differences(tree, self.difference)])
+        return _root(self.weight) * jnp.concatenate([jnp.zeros(0), *_differences(tree, self.difference)])
 
 
 class TotalVariation(eqx.Module):
@@ -66,14 +86,12 @@ class TotalVariation(eqx.Module):
     def __call__(self, parameters: Any) -> Float[Array, " residuals"]:
         tree = parameters if self.part is None else self.part(parameters)
         d = jnp.concatenate([jnp.zeros(0), *_differences(tree, 1)])
-        return jnp.sqrt(self.weight) * d / jnp.sqrt(jnp.sqrt(d**2 + self.smoothing**2) + self.smoothing)
+        return _root(self.weight) * d / jnp.sqrt(jnp.sqrt(d**2 + self.smoothing**2) + self.smoothing)
 
 
-def _check(name: str, value: Any, least: str) -> None:
-    if is_concrete(value):
-        good = math.isfinite(float(value)) and (float(value) > 0 if least == "> 0" else float(value) >= 0)
-        if not good:
-            raise ValueError(f"{name} must be finite and {least}; got {value}")
+def _check(name: str, value: Any, least: float) -> None:
+    if is_concrete(value) and not (math.isfinite(float(value)) and float(value) >= least):
+        raise ValueError(f"{name} must be finite and >= {least:g}; got {value}")
 
 
 @public_function
@@ -101,7 +119,8 @@ def tikhonov(weight, reference=None, *, difference: int = 0, part: Callable | No
     Raises
     ------
     ValueError
-        If the weight is negative or not finite, or `difference` is not 0, 1 or 2.
+        If the weight is negative or not finite, or `difference` is not 0, 1 or 2. If the residuals are differentiated
+        with respect to a weight of 0.
 
     References
     ----------
@@ -113,7 +132,7 @@ def tikhonov(weight, reference=None, *, difference: int = 0, part: Callable | No
     >>> print(slopes(np.array([1.0, 1.5, 3.0])))
     [1. 3.]
     """
-    _check("weight", weight, ">= 0")
+    _check("weight", weight, 0)
     if difference not in (0, 1, 2):
         raise ValueError(f"difference must be 0, 1 or 2; got {difference!r}")
     return Tikhonov(weight, reference, int(difference), part)
@@ -130,7 +149,8 @@ def total_variation(weight, smoothing, *, part: Callable | None = None) -> Total
     weight : float
         Weight w, ≥ 0. Its unit is 1/unit of the parameters.
     smoothing : float
-        Smoothing ε [unit of the parameters], > 0: differences far below it are penalised as squares.
+        Smoothing ε [unit of the parameters], at least 1.5e-154, or 1.1e-19 in float32. Differences far below it are
+        penalised as squares.
     part : function, optional
         Selects what is penalised, for example `lambda p: p["modulus"]`. Default: all parameters.
 
@@ -142,7 +162,8 @@ def total_variation(weight, smoothing, *, part: Callable | None = None) -> Total
     Raises
     ------
     ValueError
-        If the weight is negative, the smoothing is not positive, or one of them is not finite.
+        If the weight is negative, the smoothing is not positive or too small, or one of them is not finite.
+        If the residuals are differentiated with respect to a weight of 0.
 
     References
     ----------
@@ -156,6 +177,7 @@ def total_variation(weight, smoothing, *, part: Callable | None = None) -> Total
     >>> round(float(np.sum(jump**2)), 6)
     1.0
     """
-    _check("weight", weight, ">= 0")
-    _check("smoothing", smoothing, "> 0")
+    _check("weight", weight, 0)
+    # The square of a smaller number underflows, and the derivative at Δ = 0 is then NaN.
+    _check("smoothing", smoothing, math.sqrt(jnp.finfo(jnp.result_type(float)).tiny))
     return TotalVariation(weight, smoothing, part)

@@ -177,6 +177,20 @@ def test_few_points_and_one_component_suffice_for_two_moduli():
     assert np.isnan(found.residual).sum() == 57
 
 
+def test_both_moduli_come_back_in_3d():
+    body = pd.lattice((4, 3, 3))
+    families, x = pd.families(body, 1.8), body.positions[:, 0]
+    ends = pd.prescribe(x < 1, 0.0), pd.body_force(x > 3, [0.01, 0.004, 0.002])
+
+    def cantilever(p):
+        return pd.scene(body, families, pd.SethHill(1.0, pd.LinearElastic(p["lam"], p["mu"])), *ends)
+
+    data = np.asarray(pd.solve(cantilever({"lam": 1.2, "mu": 0.8}), stability=False, show_progress=False).u)
+    found = pd.identify(cantilever, {"lam": 1.0, "mu": 1.0}, data)
+    assert found.converged and found.identifiable
+    np.testing.assert_allclose([found.parameters["lam"], found.parameters["mu"]], [1.2, 0.8], rtol=1e-6)
+
+
 def test_held_ends_determine_the_ratio_of_the_moduli_only():
     """The result names the direction along which both moduli grow in proportion. A reaction force adds the scale."""
     data = jax.device_get(solved("held ends")[2])
@@ -194,6 +208,33 @@ def test_a_parameter_that_no_datum_depends_on_is_named():
     assert found.words == "not identifiable: the data do not depend on unused"
     assert float(found.parameters["mu"]) == pytest.approx(0.8, rel=1e-8)
     assert np.isinf(found.standard_deviation["unused"]) and np.isfinite(found.standard_deviation["mu"])
+
+
+def constant(p):
+    return pd.scene(PLATE, FAMILIES, pd.SethHill(1.0, pd.LinearElastic(1.0, 1.0)), *PULLED)
+
+
+def one_factor(p):
+    """Two held ends: the displacements do not depend on the common factor p of both moduli."""
+    return pd.scene(PLATE, FAMILIES, pd.SethHill(1.0, pd.LinearElastic(p, p)), *ENDS)
+
+
+@pytest.mark.parametrize("scene_of", [constant, one_factor, lambda p: np.ones((30, 2))])
+def test_predictions_without_parameters_are_refused_after_two_solves(scene_of):
+    calls = []
+
+    def counted(p):
+        calls.append(isinstance(p, jax.core.Tracer))
+        return scene_of(p)
+
+    with pytest.raises(ValueError, match="the predictions do not depend on the parameters"):
+        pd.identify(counted, 2.0, np.full((30, 2), 0.01))
+    assert calls.count(False) <= 3  # the kind of the problem, the start and the point near by
+
+
+def test_a_start_where_all_derivatives_vanish_is_no_lack_of_dependence():
+    found = pd.identify(lambda p: (1 - p**2) * jnp.ones(3), 0.0, np.ones(3))
+    assert found.converged and float(found.parameters) == 0.0
 
 
 def test_truth_lies_within_the_stated_uncertainty():

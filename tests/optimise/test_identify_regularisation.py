@@ -1,5 +1,6 @@
 """Regularisation: values, slopes, and what it does to a field that the data do not determine."""
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -37,12 +38,36 @@ def test_gauss_newton_matrix_of_total_variation_is_exact_for_a_flat_field():
     [
         (lambda: pd.tikhonov(-1.0), "weight must be finite and >= 0; got -1.0"),
         (lambda: pd.tikhonov(1.0, difference=3), "difference must be 0, 1 or 2; got 3"),
-        (lambda: pd.total_variation(1.0, 0.0), "smoothing must be finite and > 0; got 0.0"),
+        (lambda: pd.total_variation(1.0, 0.0), "smoothing must be finite and >= 1.49167e-154; got 0.0"),
+        (lambda: pd.total_variation(1.0, 1e-160), "smoothing must be finite and >= 1.49167e-154; got 1e-160"),
     ],
 )
 def test_wrong_weights_are_refused(make, message):
     with pytest.raises(ValueError, match=message):
         make()
+
+
+@pytest.mark.parametrize(("wide", "smoothing"), [(True, 1.5e-154), (False, 1.1e-19)], ids=["float64", "float32"])
+def test_slopes_of_total_variation_are_right_for_the_smallest_smoothing(wide, smoothing):
+    """ρ = Δ/√(√(Δ² + ε²) + ε) has the slope 1/√(2ε) at Δ = 0, and 1/(2√Δ) where Δ is much larger than ε."""
+    with jax.enable_x64(wide):
+        slopes = jax.jacfwd(pd.total_variation(1.0, smoothing))(jnp.array([1.0, 1.0, 2.0]))
+        with pytest.raises(ValueError, match="smoothing must be finite and >="):
+            pd.total_variation(1.0, 0.9 * smoothing)
+    np.testing.assert_allclose(np.diagonal(slopes, 1), [(2 * smoothing) ** -0.5, 0.5], rtol=1e-6)
+
+
+@pytest.mark.parametrize("make", [pd.tikhonov, lambda w: pd.total_variation(w, 1.0)])
+def test_a_weight_is_differentiated_unless_it_is_zero(make):
+    def cost(w):
+        return jnp.sum(make(w)(X) ** 2)
+
+    assert float(jax.grad(cost)(0.5)) == pytest.approx(float(cost(1.0)))
+    assert not np.any(jax.jit(jax.jacfwd(make(0.0)))(X))
+    with pytest.raises(ValueError, match="weight must be > 0 where the residuals are differentiated"):
+        jax.grad(cost)(0.0)
+    with pytest.raises(eqx.EquinoxRuntimeError, match="weight must be > 0 where"):
+        eqx.filter_jit(jax.grad(cost))(jnp.array(0.0))
 
 
 def averages(field):

@@ -94,6 +94,43 @@ def stretched(theta):
     return jnp.diag(jnp.stack([0.95 + 0 * theta, 1 + theta, 1 - theta]))
 
 
+@pytest.mark.parametrize(
+    "number",
+    [
+        lambda model, family: pd.worst_margin(model, family, pd.load_cases("hydrostatic", [-0.05, 0.05])),
+        lambda model, family: pd.worst_margin(model, family, pd.load_cases("hydrostatic", [-0.05]), sharpness=50.0),
+        pd.dispersion_error,
+    ],
+    ids=["margin", "smooth margin", "phase speeds"],
+)
+@pytest.mark.parametrize("dim", [1, pytest.param(3, marks=pytest.mark.long)])
+def test_gradient_in_float32_is_that_of_float64_for_a_lattice_of_a_micrometre(dim, number):
+    """In pascal and metres the products of moduli and wave numbers leave the range of float32."""
+
+    def gradient(wide):
+        with jax.enable_x64(wide):
+            family = pd.lattice_family(dim, 2 if dim == 1 else 1.8, spacing=1e-6)
+
+            def value(p):
+                law = pd.LinearElastic(1e11 * p[0], 0.7e11 * p[1])
+                return number(pd.SethHill(p[2], law, pd.SillingControl(p[3])), family)
+
+            found = jax.grad(value)(jnp.array([1.0, 1.0, 1.0, 0.5]))
+        assert found.dtype == (float if wide else np.float32)
+        return np.asarray(found)
+
+    exact = gradient(True)
+    np.testing.assert_allclose(gradient(False), exact, atol=1e-5 * np.abs(exact).max())  # measured 1e-7
+
+
+def test_second_derivative_in_float32_is_not_lost():
+    with jax.enable_x64(False):
+        family, cases = pd.lattice_family(1, 2), pd.load_cases("hydrostatic", [-0.05])
+        found = jax.jacfwd(jax.grad(lambda g: pd.worst_margin(model_of(g), family, cases, sharpness=50.0)))(0.03)
+    exact = jax.jacfwd(jax.grad(lambda g: pd.worst_margin(model_of(g), family, cases, sharpness=50.0)))(0.03)
+    assert float(found) == pytest.approx(float(exact), rel=1e-2) and abs(float(exact)) > 0
+
+
 def test_smooth_bound_at_a_repeated_eigenvalue():
     """Value, bound and derivative where two shear branches of one wave cross, in 3D."""
     family, model = pd.lattice_family(3, 1.8), model_of(0.05)
