@@ -37,6 +37,15 @@ class Certificate(eqx.Module):
         Whether the model has an energy.
     regions : array, shape (boxes, corners, dim), or None
         Corners x = h k [-] of the boxes on which the bound is proved, if they were asked for.
+
+    Examples
+    --------
+    A zero-energy wave has the margin 0, which no proof can tell from a tiny one.
+
+    >>> model, family = pd.Correspondence(pd.LinearElastic(1.0, 1.0)), pd.lattice_family(1, 2)
+    >>> proof = pd.certify(model, family, np.eye(1))
+    >>> proof.verdict, proof.upper < 1e-8
+    ('marginal within tol', True)
     """
 
     lower: float
