@@ -9,5 +9,6 @@ The modules, in the order in which to read them:
     critical_load    the first load at which a body becomes unstable
     dynamics         motions of a body, time steps, growth rates
     observers        time series recorded during a motion: probes, reactions, section forces
+    inertia          a proof of the number of positive eigenvalues of a matrix
     factorisation    the reduced system of a scene, its sparse factors, the count of its positive eigenvalues
 """

@@ -33,6 +33,7 @@ from .._internal.checks import Numbers, in_double
 from .._internal.public import public_function
 from .._internal.shown import told
 from .factorisation import Factor, Singular, as_operator, count_positive, matrix, product_rate, unknown_volumes
+from .inertia import shifted
 from .scene import Scene, frozen
 from .spectrum import (
     closed_form,
@@ -42,7 +43,6 @@ from .spectrum import (
     need_energy,
     norm_of,
     scaled_matrix,
-    shifted,
     zero_tolerance,
 )
 

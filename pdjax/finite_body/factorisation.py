@@ -186,11 +186,18 @@ class Factor:
         """Number of positive eigenvalues of A, from the signs of the pivots; from blocks for a large matrix."""
         if self.symmetric and not self.cheap:
             return count_by_blocks(self.matrix)
+        return int((self.triangles()[1].diagonal() > 0).sum())
+
+    def triangles(self) -> tuple[sp.csc_array, sp.csc_array]:
+        """L and U with P A Pᵀ = L U for one permutation P. SuperLU keeps both copies, which the caller must not change.
+
+        Raises Singular if rows and columns were permuted differently.
+        """
         if not self.symmetric or not np.array_equal(self._lu.perm_r, self._lu.perm_c):
             raise Singular(
                 "rows and columns were permuted differently, so the signs of the pivots do not count eigenvalues"
             )
-        return int((self._lu.U.diagonal() > 0).sum())
+        return self._lu.L, self._lu.U
 
 
 def count_by_blocks(A: sp.csc_array) -> int:

@@ -11,8 +11,10 @@ Three methods compute the largest eigenvalues. The size of the body decides whic
 
 - dense: `numpy.linalg.eigh` computes all eigenvalues.
 - sparse: Lanczos iteration in shift-and-invert mode with sparse matrix factorisations. Their inertia (the number of
-  positive eigenvalues) proves that no eigenvalue was missed.
+  positive eigenvalues) shows that no eigenvalue was missed.
 - matrix_free: Lanczos iteration with Jacobian-vector products. It stores no matrix and does not count eigenvalues.
+
+For the first two methods `pdjax.finite_body.inertia` proves the number of positive eigenvalues, where rounding permits.
 """
 
 from typing import TYPE_CHECKING
@@ -29,6 +31,7 @@ from .._internal.public import public_function
 from .._internal.shown import told
 from ..force.fields import point_field
 from .factorisation import Factor, Singular, as_operator, count_positive, matrix, product, unknown_volumes
+from .inertia import Inertia, prove, shifted
 from .scene import Scene
 
 if TYPE_CHECKING:
@@ -62,12 +65,21 @@ class BodyStability(eqx.Module):
         The method that was used: "dense", "sparse" or "matrix_free".
     factorisations : int
         Number of sparse matrix factorisations.
+    proved : bool
+        True if it is proved that H has exactly `positive` eigenvalues above `tolerance` and that all others are below
+        −`tolerance`. The proof covers all rounding errors of the count. It does not cover those of the entries of H,
+        the float64 matrix that was computed. It fails if an eigenvalue is zero to rounding, as for rigid modes.
+    backward_error : float
+        Bound of the backward error of the count, relative to `norm` [-]. The pivots that were counted are those of a
+        shifted H with an error of at most this size in the 2-norm. It is inf if no bound is known.
+    reason : str
+        Why the count is not proved; empty if it is.
 
     Examples
     --------
     >>> result = pd.body_stability(pd.scenes.step_size_bar(20, N=3, strain=-0.1))
-    >>> result.verdict, result.kind, result.positive
-    ('unstable', 'saddle', 5)
+    >>> result.verdict, result.kind, result.positive, result.proved
+    ('unstable', 'saddle', 5, True)
     """
 
     eigenvalue: float
@@ -79,6 +91,9 @@ class BodyStability(eqx.Module):
     eigenvalues: np.ndarray
     method: str = eqx.field(static=True)
     factorisations: int = eqx.field(static=True)
+    proved: bool = eqx.field(static=True)
+    backward_error: float
+    reason: str = eqx.field(static=True)
 
     @property
     def verdict(self) -> str:
@@ -99,7 +114,9 @@ class BodyStability(eqx.Module):
         return told(self)
 
     def __str__(self) -> str:
-        count = "not counted" if self.positive is None else f"{self.positive} positive"
+        count = "not counted"
+        if self.positive is not None:
+            count = f"{self.positive} positive, " + ("count proved" if self.proved else f"not proved: {self.reason}")
         return (
             f"body: {self.verdict}, largest eigenvalue {self.eigenvalue:.6e} (zero within {self.tolerance:.0e}),"
             f" {count}; residual {self.residual:.1e}, {self.method}"
@@ -179,13 +196,9 @@ def need_energy(scene: Scene) -> None:
 
 def scaled_matrix(A: sp.csc_array, root: np.ndarray) -> sp.csc_array:
     """H = V^{-½} A V^{-½} from the reduced Jacobian A and `root`, the square roots of the volumes of its unknowns."""
-    D = sp.diags_array(1 / root)
-    return (D @ A @ D).tocsc()
-
-
-def shifted(H: sp.csc_array, shift: float) -> sp.csc_array:
-    """H − shift · I. If `shift` is the tolerance, eigenvalues that count as zero become negative."""
-    return (H - shift * sp.eye_array(H.shape[0], format="csc")).tocsc()
+    A, scale = A.tocoo(), 1 / root
+    # The product of the two factors comes first, so that H is symmetric to the last bit if A is.
+    return sp.coo_array((A.data * (scale[A.row] * scale[A.col]), (A.row, A.col)), A.shape).tocsc()
 
 
 def nearest(
@@ -214,30 +227,40 @@ def nearest(
     return np.array([w @ (H @ w)]), w[:, None]
 
 
-def _certified_top(H: sp.csc_array, count: int, tolerance: float) -> tuple:
-    """The largest eigenvalues by shift and invert, and the number above the tolerance; inertia proves both."""
-    size, factors = H.shape[0], 0
-
-    def near(shift: float, k: int) -> tuple[int, np.ndarray, np.ndarray]:
-        nonlocal factors
-        factor = Factor(shifted(H, shift))
-        factors += 1
-        values, vectors = nearest(H, factor, shift, k, np.ones(size) + start)
-        order = np.argsort(values)[::-1]
-        return factor.positive, values[order], vectors[:, order]
-
+def _certified_top(H: sp.csc_array, count: int, tolerance: float, norm: float) -> tuple:
+    """The largest eigenvalues by shift and invert, the number above the tolerance, its proof, the factorisations."""
+    size = H.shape[0]
     start = 0.5 * np.random.default_rng(1).normal(size=size)
-    positive, values, vectors = near(tolerance, count)
-    if positive == 0:
-        return values, vectors, 0, factors
+    proof, factor = prove(H, norm, tolerance)
+    positive, factors = proof.positive, proof.factorisations
+
+    def near(factor: Factor, shift: float) -> tuple[np.ndarray, np.ndarray]:
+        values, vectors = nearest(H, factor, shift, count, np.ones(size) + start)
+        order = np.argsort(values)[::-1]
+        return values[order], vectors[:, order]
+
+    if factor is not None:  # No eigenvalue lies above −shift, so the nearest ones are the largest.
+        return *near(factor, -proof.shift), 0, proof, factors
+    least = 0.0
+    if not proof.proved:
+        factor = Factor(shifted(H, tolerance))
+        values, vectors = near(factor, tolerance)
+        positive, factors = factor.positive, factors + 1
+        del factor
+        if positive == 0:
+            return values, vectors, 0, proof, factors
+        least = values[0]
     # The state is unstable. Lanczos without a matrix factorisation gives the largest eigenvalue to a few digits. One
-    # factorisation just above it makes it exact and proves that no eigenvalue lies higher.
+    # factorisation just above it makes it exact and shows that no eigenvalue lies higher.
     rough = eigenpairs(H, 1, which="LA", tol=1e-4, v0=np.ones(size) + start)[0][-1]
-    shift = max(rough, values[0]) + 1e-3 * max(rough, tolerance)
+    shift = max(rough, least) + 1e-3 * max(rough, tolerance)
     for _ in range(6):
-        above, values, vectors = near(shift, count)
-        if above == 0:
-            return values, vectors, positive, factors
+        factor = Factor(shifted(H, shift))
+        values, vectors = near(factor, shift)
+        factors += 1
+        if factor.positive == 0:
+            return values, vectors, positive, proof, factors
+        del factor
         shift = values[0] + 2 * abs(values[0] - shift)
     raise Singular("6 shifts did not find a bound above the largest eigenvalue")
 
@@ -269,7 +292,8 @@ def body_spectrum(scene: Scene, u=None, count: int | None = None, factor: float 
         Their modes, each of unit length.
     about : dict
         `norm` ‖H‖; `tolerance`, below which an eigenvalue counts as zero; `positive`, the number of eigenvalues above
-        the tolerance, None if not counted; `residuals` ‖H w − λ w‖; `method`; `factorisations`, their number.
+        the tolerance, None if not counted; `residuals` ‖H w − λ w‖; `method`; `factorisations`, their number;
+        `proved`, `backward_error` and `reason`, the proof of `positive` (see `BodyStability`).
 
     Raises
     ------
@@ -297,6 +321,7 @@ def body_spectrum(scene: Scene, u=None, count: int | None = None, factor: float 
     root = np.sqrt(unknown_volumes(scene))
     positive: int | None = None
     factors = 0
+    proof = Inertia(None, False, np.inf, "the matrix-free method does not count eigenvalues", 0.0, 0)
     if method == "matrix_free":
         q, scene = np.asarray(u).reshape(-1)[np.asarray(scene.unknowns)], scene.prepared()
         H = as_operator(lambda v: np.asarray(product(scene, q, factor, v / root)) / root, size)
@@ -311,14 +336,15 @@ def body_spectrum(scene: Scene, u=None, count: int | None = None, factor: float 
         values, vectors = values[::-1], vectors[:, ::-1]
         norm = float(np.abs(values).max())
         tolerance = zero_tolerance(norm, u.dtype)
-        positive = int((values > tolerance).sum())
+        proof = prove(H, norm, tolerance)[0]
+        positive, factors = proof.positive if proof.proved else int((values > tolerance).sum()), proof.factorisations
         values, vectors = values[:count], vectors[:, :count]
     else:
         k = min(count or 1, size - 1)
         norm = norm_of(H)
         tolerance = zero_tolerance(norm, u.dtype)
         if method == "sparse":
-            values, vectors, positive, factors = _certified_top(H, k, tolerance)
+            values, vectors, positive, proof, factors = _certified_top(H, k, tolerance, norm)
         else:
             values, vectors = eigenpairs(H, k, which="LA", tol=1e-11, ncv=min(size, max(40, 3 * k)), maxiter=2000)
             values, vectors = values[::-1], vectors[:, ::-1]
@@ -331,6 +357,9 @@ def body_spectrum(scene: Scene, u=None, count: int | None = None, factor: float 
         "residuals": residuals,
         "method": method,
         "factorisations": factors,
+        "proved": proof.proved,
+        "backward_error": proof.error / norm if norm > 0 else np.inf,
+        "reason": proof.reason,
     }
     return values, modes, about
 
@@ -354,8 +383,8 @@ def body_stability(scene: Scene, u=None, factor: float = 1.0, method: str = "aut
     Returns
     -------
     BodyStability
-        Verdict, largest eigenvalue, mode and number of positive eigenvalues. The residual of the eigenpair is below
-        1e-10 of ‖H‖.
+        Verdict, largest eigenvalue, mode, and number of positive eigenvalues with its proof. The residual of the
+        eigenpair is below 1e-10 of ‖H‖.
 
     Raises
     ------
@@ -381,6 +410,9 @@ def body_stability(scene: Scene, u=None, factor: float = 1.0, method: str = "aut
         values,
         about["method"],
         about["factorisations"],
+        about["proved"],
+        about["backward_error"],
+        about["reason"],
     )
 
 
