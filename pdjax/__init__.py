@@ -266,6 +266,8 @@ from .infinite_lattice.criteria import CRITERIA as CRITERIA
 from .infinite_lattice.criteria import Stability as Stability
 from .infinite_lattice.criteria import stability as stability
 from .infinite_lattice.criteria.certified import certify as certify
+from .infinite_lattice.criteria.certified_critical import CriticalCertificate as CriticalCertificate
+from .infinite_lattice.criteria.certified_critical import certify_critical_load as certify_critical_load
 from .infinite_lattice.criteria.certified_path import PathCertificate as PathCertificate
 from .infinite_lattice.criteria.certified_path import certify_path as certify_path
 from .infinite_lattice.criteria.critical_load import (

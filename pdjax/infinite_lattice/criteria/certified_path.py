@@ -6,6 +6,7 @@ sampled.
 """
 
 from collections.abc import Callable
+from typing import NamedTuple
 
 import equinox as eqx
 import numpy as np
@@ -44,12 +45,16 @@ class PathCertificate(eqx.Module):
         Whether the proof covers every load, or the samples only.
     unstable_at : float or None
         A load [-] at which a wave was found that proves instability, if there is one.
+    marginal_at : float or None
+        A load [-] at which a zero-energy wave was found, whose margin is zero and cannot be proved negative.
+    ends_at : float or None
+        The first sample [-] at which the path has no state, as if a lateral stretch has no solution, if there is one.
     loads : array, shape (loads,)
         The samples, or the ends of the intervals [-].
     boxes : int
         Number of boxes of the Brillouin zone that were bounded.
     verdict : str
-        What is proved, in words: "stable", "unstable" or "undecided".
+        What is proved, in words: "stable", "unstable", "marginal" (a zero-energy wave) or "undecided".
 
     Examples
     --------
@@ -61,16 +66,20 @@ class PathCertificate(eqx.Module):
     stable_to: float
     load: float
     continuous: bool
-    unstable_at: float | None
     loads: np.ndarray
     boxes: int
+    unstable_at: float | None = None
+    marginal_at: float | None = None
+    ends_at: float | None = None
 
     @property
     def verdict(self) -> str:
         """What is proved, in words."""
-        if self.stable_to == self.load:
+        if self.stable_to == (self.load if self.ends_at is None else self.loads[-1]):
             return "stable"
-        return "undecided" if self.unstable_at is None else "unstable"
+        if self.unstable_at is not None:
+            return "unstable"
+        return "undecided" if self.marginal_at is None else "marginal"
 
     def __str__(self) -> str:
         proof = f"proved with {self.boxes} boxes"
@@ -83,7 +92,11 @@ class PathCertificate(eqx.Module):
             said = f"stability is not proved at any load, {self.boxes} boxes"
         if self.unstable_at is not None:
             said += f"; unstable at {self.unstable_at:g}"
-        elif self.stable_to != self.load:
+        elif self.verdict == "stable" and self.ends_at is not None:
+            said += f"; the path has no state at {self.ends_at:g}"
+        elif self.marginal_at is not None:
+            said += f"; marginal at {self.marginal_at:g}, where a zero-energy wave cannot be proved stable"
+        elif self.verdict == "undecided":
             said += f"; undecided from there to {self.load:g}: allow more boxes"
         return said
 
@@ -98,17 +111,29 @@ class _Prover:
         self.offsets = offsets_of(model, family)
         self.zone = family_zone(family, path_symmetry(path, family, model.isotropic), None)
 
+    def deformed(self, loads: np.ndarray) -> np.ndarray:
+        """The deformation gradients (loads, dim, dim). They are NaN where the path has no state.
+
+        They are computed for STATES loads at once, by the program that `critical_load` uses.
+        """
+        found = []
+        for start in range(0, len(loads), STATES):
+            part = loads[start : start + STATES]
+            padded = np.concatenate([part, np.full(STATES - len(part), part[-1])])
+            F = computed_in_double(deformations, self.path, padded, self.model, self.family)
+            found.append(F[: len(part)])
+        return np.concatenate(found)
+
     def blocks(self, loads: np.ndarray) -> np.ndarray:
         """The cosine series (loads, offsets, dim, dim) at up to STATES loads, in units of M/h²."""
-        F = computed_in_double(deformations, self.path, loads, self.model, self.family)
-        return certifiable_states(self.model, self.family, F).scaled
+        return certifiable_states(self.model, self.family, self.deformed(loads)).scaled
 
-    def unstable(self, blocks: np.ndarray) -> np.ndarray:
-        """Whether the search finds a wave whose quotient is positive beyond rounding, for each series."""
+    def judged(self, blocks: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Whether the search finds a positive quotient, and whether it finds one that is zero to rounding."""
         found = search_few(packed(blocks), self.offsets, self.zone)
         x, is_long, mode = (np.asarray(part) for part in (found.x, found.is_long, found.mode))
         value, rounding = quotients(blocks, self.offsets, x, is_long, mode)
-        return value > rounding
+        return value > rounding, abs(value) <= rounding
 
     def stable(self, blocks: np.ndarray) -> np.ndarray:
         """Whether the proof succeeds for each series."""
@@ -117,42 +142,65 @@ class _Prover:
         return found.done
 
 
-def _sampled(prover: _Prover, load: float) -> tuple[float, float | None, np.ndarray]:
-    """The last proved sample, the first sample known to be unstable, and all samples up to there."""
+class Found(NamedTuple):
+    """The fields of a `PathCertificate` of the same names."""
+
+    stable_to: float
+    loads: np.ndarray
+    unstable_at: float | None = None
+    marginal_at: float | None = None
+    ends_at: float | None = None
+
+
+def _sampled(prover: _Prover, load: float) -> Found:
+    """Prove the samples one after another, until one of them is not proved."""
     near = np.geomspace(SMALLEST, 0.02, SAMPLES // 4)
     sizes = np.concatenate([near[near < abs(load) / 2], np.linspace(0, abs(load), SAMPLES + 1)[1:]])
     loads = np.sign(load) * np.unique(sizes)
+    exists = np.isfinite(prover.deformed(loads)).all(axis=(1, 2))
+    ends_at = None
+    if not exists.all():
+        first = int(np.argmin(exists))
+        ends_at, loads = float(loads[first]), loads[:first]
     for start in range(0, len(loads), STATES):
         part = loads[start : start + STATES]
         blocks = prover.blocks(part)
-        unstable = prover.unstable(blocks)
-        first = int(np.argmax(unstable)) if unstable.any() else len(part)
+        unstable, marginal = prover.judged(blocks)
+        first = int(np.argmax(unstable | marginal)) if (unstable | marginal).any() else len(part)
         done = prover.stable(blocks[:first]) if first else np.zeros(0, bool)
         proved = int(np.argmin(done)) if not done.all() else first
         if proved < len(part):
-            last = loads[start + proved - 1] if start + proved else 0.0
-            return float(last), float(part[first]) if first < len(part) else None, loads[: start + first + 1]
-    return load, None, loads
+            last = float(loads[start + proved - 1]) if start + proved else 0.0
+            at = float(part[first]) if first < len(part) else None
+            known = {"unstable_at" if at is not None and unstable[first] else "marginal_at": at}
+            return Found(last, loads[: start + first + 1], **known)
+    return Found(float(loads[-1]) if len(loads) else 0.0, loads, ends_at=ends_at)
 
 
-def _continuous(prover: _Prover, load: float, form: LoadForm) -> tuple[float, float | None, np.ndarray]:
-    """The last load up to which all loads are proved, a load known to be unstable, and the ends of intervals."""
+def _continuous(prover: _Prover, load: float, form: LoadForm) -> Found:
+    """Prove intervals of loads one after another. An interval that is not proved is halved."""
     nodes = np.linspace(0, load, len(form.basis(load)))
     series = prover.blocks(nodes) * np.array([form.scale(a) for a in nodes])[:, None, None, None]
     weights = np.linalg.inv(np.stack([form.basis(a) for a in nodes]))  # interpolation within the nodes
-    ends, low, high, smallest, unstable = [0.0], 0.0, load, abs(load) / 2**HALVINGS, None
+    ends, low, high, smallest = [0.0], 0.0, load, abs(load) / 2**HALVINGS
+    unstable_at: float | None = None
+    marginal_at: float | None = None
     while low != load:
         vertices = np.einsum("vk,kn,noij->voij", form.vertices(low, high), weights, series, optimize=True)
-        if prover.unstable(vertices[-1:])[0]:
-            unstable = high
-        elif prover.stable(vertices).all():
+        unstable, marginal = prover.judged(vertices)
+        if unstable[-1]:
+            unstable_at = high
+        elif marginal[-1]:
+            marginal_at = high
+        elif not (unstable | marginal).any() and prover.stable(vertices).all():
             ends.append(high)
-            low, high = high, min(load, 2 * high - low, key=abs) if unstable is None else (high + unstable) / 2
+            further = min(load, 2 * high - low, key=abs)
+            low, high = high, further if unstable_at is None else (high + unstable_at) / 2
             continue
         high = (low + high) / 2
         if abs(high - low) < smallest:
             break
-    return low, unstable, np.array(ends)
+    return Found(low, np.array(ends), unstable_at, marginal_at)
 
 
 @public_function
@@ -221,5 +269,5 @@ def certify_path(
         )
     prover, form = _Prover(model, family, path, boxes), load_form(model, path)
     search: Callable = _sampled if form is None else lambda prover, load: _continuous(prover, load, form)
-    stable_to, unstable_at, loads = search(prover, load)
-    return PathCertificate(stable_to, load, form is not None, unstable_at, loads, prover.used)
+    found = search(prover, load)
+    return PathCertificate(load=load, continuous=form is not None, boxes=prover.used, **found._asdict())
