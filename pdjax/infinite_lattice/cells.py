@@ -33,6 +33,7 @@ from ..geometry.neighbour_search import checked_horizon, in_box, pack
 from ..geometry.points import Points
 from ..geometry.ties import tie_radius
 from ..models.base import AbstractModel
+from ..models.pointwise import is_shared
 from ..tangent.jacobian import jacobian
 from .bloch import squared_chord
 from .criteria.outcome import margin_tolerance, verdicts
@@ -135,10 +136,20 @@ def _twice(tree, points: int):
     return jax.tree.map(twice, tree)
 
 
+def _twice_each_point(model: AbstractModel, points: int) -> AbstractModel:
+    """`_twice` of a model. Arrays that a model declares as shared by all points stay as they are."""
+
+    def twice(path: tuple, leaf):
+        return leaf if is_shared(model, path) else _twice(leaf, points)
+
+    return jax.tree_util.tree_map_with_path(twice, model)
+
+
 def _symbol_at(model: AbstractModel, families: Families, bonds: Bonds, k: Array) -> Complex[Array, "dof dof"]:
     points, dim = len(families), families.dim
     phase = jnp.exp(1j * (families.xi @ k)).astype(jnp.result_type(bonds.eta, jnp.complex64))
-    model, bonds, volumes = (_twice(x, points) for x in (model, bonds, families.volumes))
+    model = _twice_each_point(model, points)
+    bonds, volumes = (_twice(x, points) for x in (bonds, families.volumes))
     exchange = _turning(families, phase)
 
     def force(eta):

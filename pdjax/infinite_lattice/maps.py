@@ -36,7 +36,8 @@ from ..models.seth_hill import SethHill
 from .bloch import homogeneous_tangent
 from .brillouin import Zone, brillouin_zone
 from .cosine_series import series
-from .criteria import CRITERIA, evaluate, family_zone, margin_tolerance, verdicts
+from .criteria import CRITERIA, Outcome, evaluate, family_zone, margin_tolerance, verdicts
+from .criteria.certified import check_budget, proved_signs
 from .criteria.critical_load import deformations
 from .criteria.on_host import FROM_STATES, MANY, from_states
 from .lattice_states import States, check_modulus, has_series, modulus_of, offsets_of, resting_modulus
@@ -46,6 +47,7 @@ _SAVE_EVERY = 30.0  # seconds between partial saves
 _CHUNK_BYTES = 2**23  # size of the screened symbols of one chunk, so that they fit in the caches
 _ARRAYS = ("m", "a", "N", "margin", "eigenvalue", "tolerance", "line_m", "line_a")
 _LINE_POINTS = 64
+PROOF_BOXES = 20_000  # largest number of boxes of the proof of one state
 
 
 @dataclass(frozen=True)
@@ -74,6 +76,8 @@ class StabilityMap:
         Margins of the further criteria on the grid of `line_m` and `line_a`.
     settings : dict
         The settings from which the map can be computed again.
+    proof : array or None
+        What is proved about every state, if a proof was asked for: −1 is stable, 1 is unstable, 0 is open.
     verdict : array of str
         The margins in words.
 
@@ -95,6 +99,7 @@ class StabilityMap:
     line_a: np.ndarray
     lines: dict[str, np.ndarray] = field(default_factory=dict)
     settings: dict = field(default_factory=dict)
+    proof: np.ndarray | None = None
 
     @property
     def verdict(self) -> np.ndarray:
@@ -122,6 +127,8 @@ class StabilityMap:
             If the file cannot be written.
         """
         arrays = {f"line_{name}": values for name, values in self.lines.items()}
+        if self.proof is not None:
+            arrays["proof"] = self.proof
         with written_whole(path) as stream:
             np.savez_compressed(
                 stream,
@@ -171,9 +178,21 @@ class StabilityMap:
                     name[5:]: file[name] for name in file.files if name.startswith("line_") and name not in _ARRAYS
                 }
                 settings = json.loads(str(file["settings"]))
-                return cls(**{name: file[name] for name in _ARRAYS}, lines=lines, settings=settings)
+                proof = file["proof"] if "proof" in file.files else None
+                return cls(**{name: file[name] for name in _ARRAYS}, lines=lines, settings=settings, proof=proof)
         except (OSError, ValueError, KeyError, TypeError, AttributeError, zipfile.BadZipFile, EOFError) as error:
             raise ValueError(f"{path} is not a map that StabilityMap.save wrote, or is damaged: {error}") from None
+
+
+def _check_proof(certify: float, criterion: str, model: AbstractModel, mesh: Mesh | None) -> None:
+    """Raise ValueError if the signs of a map cannot be proved."""
+    check_budget(certify)
+    if criterion != "symbol":
+        raise ValueError(f'certify is for the criterion "symbol", which searches waves; got criterion {criterion!r}')
+    if not (model.hyperelastic and has_series(model)):
+        raise ValueError(f"{type(model).__name__} has no energy or no symbol of one family, so no sign can be proved")
+    if mesh is not None:
+        raise ValueError("certify runs on one host; leave out mesh")
 
 
 def _free_memory() -> float:
@@ -244,12 +263,25 @@ def _evaluated(job: "_Job", make: Callable, path: Path, mesh: Mesh | None) -> li
         found = {
             n: (o.margin, o.eigenvalue, margin_tolerance(job.m.dtype, o.scale)) for n, o in out.items() if o is not None
         }
+        main = out.get("symbol")
+        if job.certify is not None and main is not None:
+            found["symbol"] = _with_proof(job, job.certify, states, main, found["symbol"])
     rest = tuple(n for n in job.names if n not in found)
     if rest:
         chunk = _few_states if job.out.shape[-1] <= _FEW else _many_states
         traced = chunk(job.m, job.a, family, make, path, rest, zone.intervals, zone.symmetry, mesh)
         found |= dict(zip(rest, traced, strict=True))
     return [found[name] for name in job.names]
+
+
+def _with_proof(job: "_Job", certify: float, states: States, out: Outcome, numbers: tuple) -> tuple:
+    """(margin, eigenvalue, tolerance, proof) of a chunk. Only its last state may be repeated."""
+    count = len(np.unique(job.where))
+    at = tuple(np.asarray(part)[:count] for part in out.at)
+    proof, margin = proved_signs(states.scaled[:count], states.offsets, at, certify, PROOF_BOXES)
+    rest = (0, len(job.where) - count)
+    _, eigenvalue, tolerance = numbers
+    return np.pad(margin, rest, "edge"), eigenvalue, tolerance, np.pad(proof, rest, "edge")
 
 
 def _check_loads(a: np.ndarray, model: AbstractModel, family, path: Path) -> None:
@@ -334,6 +366,7 @@ def stability_map(
     save: str | os.PathLike | None = None,
     show_progress: bool = True,
     mesh: Mesh | None = None,
+    certify: float | None = None,
 ) -> StabilityMap:
     """Compute stability margins over orders m and loads a, on infinite lattices.
 
@@ -370,6 +403,10 @@ def stability_map(
         Whether to print the progress.
     mesh : jax.sharding.Mesh, optional
         Devices: every chunk of states is divided between the devices of the first axis.
+    certify : float, optional
+        Prove the sign of the margin of every state, for the criterion "symbol" (see `certify`). A state counts as
+        proved stable if its margin is proved to be at most (1 − certify) times the one found. 1 asks for the sign alone
+        and takes the least time. A proof ends after 20 000 boxes.
 
     Returns
     -------
@@ -380,7 +417,8 @@ def stability_map(
     ------
     ValueError
         If both or none of `law` and `model` are given, if `m` or `a` is empty or not finite, if det F ≤ 0 at a load, if
-        a family is too small for the model, or if the map does not fit in memory.
+        a family is too small for the model, or if the map does not fit in memory. Also if a proof is asked for another
+        criterion than "symbol", of a model without an energy, or on several devices.
     OSError
         If the file `save` cannot be written. This is checked before the computation.
 
@@ -413,6 +451,8 @@ def stability_map(
 
     families = [lattice_family(dim, float(n), influence=influence) for n in horizons]
     first = _first_model(make, orders)
+    if certify is not None:
+        _check_proof(certify, criterion, first, mesh)
     zones = [family_zone(family, path_symmetry(path, family, first.isotropic), resolution) for family in families]
     settings = {
         "dim": dim,
@@ -427,20 +467,23 @@ def stability_map(
         "dtype": str(families[0].xi.dtype),
     }
     thin_m, thin_a = orders[_thin(orders)], loads[_thin(loads)]
-    results = np.full((3, *shape), np.nan)
+    results = np.full((3 if certify is None else 4, *shape), np.nan)
     extra = np.full((len(lines), len(horizons), len(thin_m), len(thin_a)), np.nan)
 
     def result() -> StabilityMap:
-        margin, eigenvalue, tolerance = results if np.ndim(N) else results[:, 0]
+        margin, eigenvalue, tolerance, *proof = results if np.ndim(N) else results[:, 0]
         rest = dict(zip(names[1:], extra if np.ndim(N) else extra[:, 0], strict=True))
-        return StabilityMap(orders, loads, horizons, margin, eigenvalue, tolerance, thin_m, thin_a, rest, settings)
+        proved = np.nan_to_num(proof[0]).astype(np.int8) if proof else None
+        arrays = orders, loads, horizons, margin, eigenvalue, tolerance, thin_m, thin_a
+        return StabilityMap(*arrays, rest, settings, proved)
 
     jobs = []
     for n, (family, zone) in enumerate(zip(families, zones, strict=True)):
         size = _chunk_size(zone, devices, len(orders) * len(loads))
         moduli = np.broadcast_to(_moduli(make, orders, family, path, size), orders.shape)
         _check_loads(loads, first, family, path)
-        jobs += _jobs(family, zone, names[:1], orders, moduli, loads, size, results[:, n].reshape(3, 1, -1))
+        main = results[:, n].reshape(len(results), 1, -1)
+        jobs += _jobs(family, zone, names[:1], orders, moduli, loads, size, main, certify)
         if lines:
             thin = np.broadcast_to(moduli, orders.shape)[_thin(orders)]
             into = extra[:, n].reshape(1, len(lines), -1)
@@ -468,6 +511,7 @@ class _Job(NamedTuple):
     a: np.ndarray
     where: np.ndarray
     out: np.ndarray
+    certify: float | None = None
 
 
 def _chunk_size(zone: Zone, devices: int, states: int) -> int:
@@ -477,13 +521,15 @@ def _chunk_size(zone: Zone, devices: int, states: int) -> int:
     return min(max(size // MANY[dim] * MANY[dim], min(size, MANY[dim])) * devices, states)
 
 
-def _jobs(family, zone: Zone, names: tuple[str, ...], orders, moduli, loads, size: int, out: np.ndarray) -> list:
+def _jobs(
+    family, zone: Zone, names: tuple[str, ...], orders, moduli, loads, size: int, out: np.ndarray, certify=None
+) -> list:
     """The chunks of the grid of one family, all of equal size."""
     m, a = (x.reshape(-1).astype(family.xi.dtype) for x in np.meshgrid(orders, loads, indexing="ij"))
     jobs = []
     for start in range(0, len(m), size):
         index = np.minimum(np.arange(start, start + size), len(m) - 1)  # The last chunk repeats its last state.
-        jobs.append(_Job(family, zone, names, m[index], moduli[index // len(loads)], a[index], index, out))
+        jobs.append(_Job(family, zone, names, m[index], moduli[index // len(loads)], a[index], index, out, certify))
     return jobs
 
 

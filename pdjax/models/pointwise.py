@@ -26,7 +26,7 @@ from .base import AbstractModel
 Model = TypeVar("Model", bound=AbstractModel)
 
 
-def _is_shared(model: AbstractModel, path: tuple) -> bool:
+def is_shared(model: AbstractModel, path: tuple) -> bool:
     """Whether a module along the path declares this constant as an array that all points share."""
     names = [getattr(key, "name", getattr(key, "key", None)) for key in path]
     node: object = model
@@ -45,7 +45,7 @@ def split_model(model: Model, points: int) -> tuple[Model, Model]:
 
     def varies(path: tuple, leaf: PyTree) -> bool:
         long = eqx.is_array(leaf) and leaf.ndim > 0 and leaf.shape[0] == points
-        return long and not _is_shared(model, path)
+        return long and not is_shared(model, path)
 
     return eqx.partition(model, jax.tree_util.tree_map_with_path(varies, model))
 

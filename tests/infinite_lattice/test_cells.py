@@ -24,7 +24,7 @@ def hermitian(J):
 # ---------------------------------------------------------------- one point, and supercells of a lattice
 
 
-@pytest.mark.parametrize("name", ["seth_hill m=-0.7", "bond_level average", "bond_associated force"])
+@pytest.mark.parametrize("name", ["seth_hill m=-0.7", "bond_level average", "bond_associated force", "shell control"])
 def test_a_cell_of_one_point_has_the_symbol(name):
     """The cell is smaller than its horizon, so that a point is its own neighbour several times."""
     fams = pd.cell_families(pd.lattice((1, 1), 0.5, periodic=True), 0.75, INFLUENCE)

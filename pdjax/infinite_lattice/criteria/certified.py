@@ -9,13 +9,14 @@ from ...geometry.bonds import LatticeFamily
 from ...models.base import AbstractModel
 from ..brillouin import Zone, brillouin_zone, default_intervals
 from ..certificate.certificate import Certificate, certificate_of
-from ..certificate.enclosed import Enclosed, enclose
+from ..certificate.enclosed import FLOOR, Enclosed, enclose, quotients
 from ..lattice_states import States, checked_states, has_series
 from .on_host import at_waves, outcomes, searched
 from .outcome import Outcome
 from .waves import Found
 
 BOXES = 1_000_000
+_MANY = 256  # states whose proofs run together
 NOT_TRACED = "a proof needs known numbers; call it outside jit, grad and vmap"
 
 
@@ -63,6 +64,42 @@ def enclosed_states(
     """Enclose the margins of states from the waves that the search has found."""
     x, is_long, mode = (np.asarray(part) for part in (found.x, found.is_long, found.mode))
     return enclose(states.scaled, states.offsets, x, is_long, mode, tol, boxes, seconds, show, keep)
+
+
+def proved_signs(blocks: np.ndarray, offsets: np.ndarray, at: tuple, tol: float, boxes: int) -> tuple:
+    """What is proved about the signs of the margins of many states, and the margins themselves.
+
+    Parameters
+    ----------
+    blocks : array, shape (states, offsets, dim, dim)
+        Cosine series in units of M/h².
+    offsets : array, shape (offsets, dim)
+        Their offsets.
+    at : tuple
+        `Outcome.at` of the criterion "symbol" at these states.
+    tol : float
+        A state counts as proved stable if its margin is at most (1 − tol) of the one found; 1 asks for the sign alone.
+    boxes : int
+        Largest number of boxes for each state.
+
+    Returns
+    -------
+    proof : array, shape (states,)
+        −1 is proved stable, 1 is proved unstable, and 0 is open.
+    margin : array, shape (states,)
+        The margins. One that the search has missed is replaced by that of the wave that the proof has found.
+    """
+    found = Found(*at)
+    margin, rounding = quotients(blocks, offsets, *(np.asarray(part) for part in at[:3]))
+    proof = np.where(margin > rounding, 1, 0).astype(np.int8)
+    negative = np.flatnonzero(margin < -FLOOR)  # Zero-energy waves cannot be proved stable.
+    for start in range(0, len(negative), _MANY):
+        some = negative[start : start + _MANY]
+        x, is_long, mode = (np.asarray(part)[some] for part in (found.x, found.is_long, found.mode))
+        made = enclose(blocks[some], offsets, x, is_long, mode, tol, boxes)
+        proof[some] = np.where(made.upper < 0, -1, np.where(made.lower > 0, 1, 0))
+        margin[some] = np.where(made.missed, made.lower, margin[some])
+    return proof, margin
 
 
 def certified_outcome(

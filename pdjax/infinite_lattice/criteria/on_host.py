@@ -23,6 +23,7 @@ from ..brillouin import Zone, brillouin_zone
 from ..cosine_series import packed, reached
 from ..lattice_states import STATES, States, check_at_rest, checked_states, has_series, rings
 from .outcome import Outcome, margin_tolerance
+from .second_look import looked_again
 from .waves import Found, search, search_few
 
 # Number of states of a map that climb in one batch, by dimension: the fastest measured of 16, 64, 256 and 1024.
@@ -42,12 +43,13 @@ def searched(states: States, model: AbstractModel, family: LatticeFamily, zone: 
     """Where the searches of all states ended, as NumPy arrays."""
     scaled = packed(states.scaled)
     if len(scaled) <= STATES:
-        return search_few(scaled, states.offsets, zone)
+        return looked_again(states.scaled, states.offsets, zone, search_few(scaled, states.offsets, zone))
     count, many = len(scaled), MANY[family.dim]
     padded = np.zeros((-(-count // many) * many, *scaled.shape[1:]), scaled.dtype)
     padded[:count] = scaled
     program = _search(family.dim, len(family.influence), rings(model), zone.intervals, zone.symmetry)
-    return Found(*(x[:count] for x in computed_in_double(program, padded, np.asarray(count))))
+    found = Found(*(x[:count] for x in computed_in_double(program, padded, np.asarray(count))))
+    return looked_again(states.scaled, states.offsets, zone, found)
 
 
 def _work(blocks: np.ndarray, offsets: np.ndarray, x: Numbers, is_long: Numbers, v: Numbers) -> tuple:
