@@ -5,7 +5,6 @@ import numpy as np
 
 from ..lattice_states import States
 from .enclosed import FLOOR, Enclosed
-from .proof import corners
 
 
 class Certificate(eqx.Module):
@@ -101,5 +100,5 @@ def certificate_of(found: Enclosed, states: States, tol: float, hyperelastic: bo
         missed=bool(found.missed[0]),
         tol=tol,
         hyperelastic=hyperelastic,
-        regions=None if found.regions is None else corners(found.regions, found.frames),
+        regions=found.regions,
     )
