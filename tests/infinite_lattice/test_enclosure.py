@@ -19,6 +19,7 @@ from pdjax.infinite_lattice.certificate.polynomials import (
     replaced,
     top,
 )
+from pdjax.infinite_lattice.certificate.proof import prove
 from pdjax.infinite_lattice.cosine_series import half_offsets, packed, upper
 
 BONDS = {1: 6, 2: 28, 3: 32}
@@ -54,7 +55,7 @@ def some_cones(dim, count=40, seed=1):
 
 @pytest.mark.parametrize("kind", ["boxes", "cones"])
 @pytest.mark.parametrize("dim", [1, 2, 3])
-def test_coefficients_up_to_order_five_equal_those_of_mpmath_within_the_rounding_bound(dim, kind):
+def test_coefficients_of_all_orders_equal_those_of_mpmath_within_the_rounding_bound(dim, kind):
     blocks, offsets = a_series(dim)
     claims, work = claims_of(blocks, offsets)
     m, t = monomials(dim), np.array([0.25, 0.25, 0.25])
@@ -150,6 +151,28 @@ def test_a_polynomial_stays_below_its_matrices_at_the_vertices_plus_the_errors(d
     u = np.concatenate([rng.uniform(-1, 1, (3000, dim)), rng.choice([-1.0, 0.0, 1.0], (200, dim))])
     A = np.einsum("kp,kqn->pnq", powers(u, m.exponents), c)[..., upper(dim)[1]]
     assert (np.linalg.eigvalsh(A)[..., -1].max(axis=0) <= bound).all()
+
+
+def test_a_long_wave_whose_margin_is_zero_ends_the_proof_with_a_small_bound():
+    blocks, offsets = np.array([4.0, -1.0])[None, :, None, None], np.array([[1], [2]])  # Ĵ = −16 sin⁴(x/2)
+    found = prove(blocks, offsets, np.zeros(1), 10**6)
+    assert not found.done[0] and found.boxes[0] < 100
+    assert 0 < found.upper[0] < 1e-11  # measured 1e-12
+    found = prove(blocks, offsets, np.array([1e-6]), 10**6)
+    assert found.done[0] and found.boxes[0] < 200
+    found = prove(blocks, offsets, np.array([-1e-6]), 10**6)
+    assert not found.done[0] and -1e-6 < found.value[0] <= 0
+
+
+def test_states_that_are_proved_together_have_the_same_result_as_alone():
+    blocks, offsets = a_series(2)
+    many = -np.abs(blocks) + np.linspace(0, 2, 70)[:, None, None, None] * blocks
+    level = np.tile(np.linspace(0.1, 60, 35), 2)
+    together = prove(many, offsets, level, 10**5)
+    assert 0 < together.done.sum() < 70
+    for i in range(0, 70, 7):
+        alone = prove(many[i : i + 1], offsets, level[i : i + 1], 10**5)
+        assert alone.done[0] == together.done[i] and (alone.value[0] > level[i]) == (together.value[i] > level[i])
 
 
 def test_negative_definite_matrices_are_told_from_others():

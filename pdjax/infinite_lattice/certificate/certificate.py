@@ -35,7 +35,8 @@ class Certificate(eqx.Module):
     hyperelastic : bool
         Whether the model has an energy.
     regions : array, shape (boxes, corners, dim), or None
-        Corners x = h k [-] of the boxes on which the bound is proved, if they were asked for.
+        Corners x = h k [-] of the boxes on which the bound is proved, if they were asked for. Half of the corners of
+        a cone of long waves are at x = 0.
 
     Examples
     --------

@@ -10,7 +10,7 @@ the points where its tangents at −1, 0 and 1 meet:
 
 Higher powers are replaced by affine functions of u and u², the best ones on [−1, 1] except for a rounded coefficient:
 
-    u³ = 3/4 u ± 1/4,    u⁴ = u² − 1/8 ± 1/8,    u⁵ = 2/3 u ± 1/3.
+    u³ = 3/4 u ± 1/4,    u⁴ = u² − 1/8 ± 1/8,    u⁵ = 2/3 u ± 1/3,    u⁶ = u² − 1/5 ± 1/5.
 
 For a vector w, the number wᵀ(Σ c_α u^α)w then is an affine function of the pair (u_a, u_a²) of every single coordinate.
 It therefore takes its maximum over the box at one of the 4^dim combinations of vertices. The largest eigenvalue of the
@@ -29,11 +29,11 @@ import numpy as np
 
 from ..cosine_series import upper
 
-ORDER = 5
+ORDER = 6
 SAFE = 1 + 1e-9  # factor on sums of positive numbers, whose relative rounding error is below 1e-12
 
 _VERTICES = np.array([-1.0, -0.5, 0.5, 1.0]), np.array([1.0, 0.0, 0.0, 1.0])
-_ERRORS = np.array([0, 0, 0, 1 / 4, 1 / 8, 1 / 3])
+_ERRORS = np.array([0, 0, 0, 1 / 4, 1 / 8, 1 / 3, 1 / 5])
 
 
 class Monomials(NamedTuple):
@@ -84,7 +84,7 @@ def monomials(dim: int) -> Monomials:
     exponents = np.concatenate(list(parts.values()))
     degree = exponents.sum(axis=1)
     u, square = _VERTICES
-    powers = np.stack([np.ones(4), u, square, 0.75 * u, square - 0.125, 2 / 3 * u])
+    powers = np.stack([np.ones(4), u, square, 0.75 * u, square - 0.125, 2 / 3 * u, square - 0.2])
     where = np.array(list(itertools.product(range(4), repeat=dim)))
     return Monomials(
         exponents,

@@ -1,14 +1,15 @@
 """Proof that the margins of states are at most given levels, by branch and bound over the Brillouin zone.
 
 Long waves come first. Their cones (`boxes`) are divided until the bound (`enclosure`) shows on each of them that
-A(x) = Ĵ(x) − μ κ²(x) I has no positive eigenvalue for t ≤ T. Where the remainder of the expansion in t is the largest
-part of a bound, T of the state is halved. Then the rest of the zone, |x|_∞ > T, is divided into boxes in the same way.
+A(x) = Ĵ(x) − μ κ²(x) I has no positive eigenvalue for t ≤ T. Where the remainder of the expansion in t is a large part
+of a bound, T of the state is halved. Then the rest of the zone, |x|_∞ > T, is divided into boxes in the same way.
 If A has a positive eigenvalue at the centre of a box, this wave refutes the claim.
 """
 
 import sys
 import time
 from collections import deque
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -19,8 +20,9 @@ from .chambers import chambers, meets, signed_permutations, symmetries
 from .enclosure import UNIT, Claims, Taylor, Work, on_boxes, on_cones
 from .polynomials import SAFE, at_vertices, is_negative, monomials, norms, top
 
-_LONG = np.pi / 16  # First end T of the cones of long waves, and the smallest one.
-_SHORTEST = np.pi * 2.0**-20
+_LONG = np.pi / 16  # First end T of the cones of long waves. π/8 and π/32 differ little in the number of boxes.
+_SHORTEST = np.pi * 2.0**-20  # Smallest T. Below it rounding decides.
+_NARROWEST = 2.0**-40  # Smallest half width of a cone.
 _CHUNK = 2**17  # boxes × offsets that are bounded at once, so that the arrays stay in the cache
 _STATES = 64  # States that are proved at once. The boxes of one state share a matrix product.
 
@@ -77,7 +79,16 @@ def prove(
 class _Search:
     """Branch and bound of a few states."""
 
-    def __init__(self, blocks, offsets, level, boxes, end, show, keep):
+    def __init__(
+        self,
+        blocks: np.ndarray,
+        offsets: np.ndarray,
+        level: np.ndarray,
+        boxes: int,
+        end: float,
+        show: bool,
+        keep: bool,
+    ):
         symmetric = (blocks + blocks.transpose(0, 1, 3, 2)) / 2
         group, mean = symmetries(symmetric, offsets)
         change = np.linalg.norm(mean - symmetric, axis=(2, 3)) + 128 * UNIT * np.linalg.norm(mean, axis=(2, 3))
@@ -91,7 +102,7 @@ class _Search:
         self.T = np.full(self.states, _LONG)
         self.count, self.upper = np.zeros(self.states, int), np.array(level, float)
         self.value, self.wave = np.full(self.states, -np.inf), np.zeros((self.states, self.dim))
-        self.kept, self.kept_cones = [np.zeros((0, 2**self.dim, self.dim))], []
+        self.kept, self.kept_cones = [np.zeros((0, 2**self.dim, self.dim))], list[Boxes]()
 
     def proof(self) -> Proof:
         """Examine the cones, then the boxes."""
@@ -104,7 +115,7 @@ class _Search:
         cones = [corners(part, self.T[part.state]) for part in self.kept_cones]
         return Proof(self.upper, done, self.count, self.value, self.wave, np.concatenate([*cones, *self.kept]))
 
-    def _examine(self, first: Boxes, step) -> None:
+    def _examine(self, first: Boxes, step: Callable[[Boxes], Boxes]) -> None:
         """Bound and divide boxes until none is left. `step` returns the boxes that take the place of some."""
         queue = deque([first])
         while queue:
@@ -129,14 +140,14 @@ class _Search:
     def _boxes(self, boxes: Boxes) -> Boxes:
         """Bound boxes of waves. Return the halves of those that are not done."""
         before = _volume(boxes)
-        T = on_boxes(self.claims, boxes, self.work)
-        done = self._is_negative(T)
+        form = on_boxes(self.claims, boxes, self.work)
+        done = self._is_negative(form)
         if self.keep:
             self.kept.append(corners(boxes.at(done)))
-        boxes, T = boxes.at(~done), T.at(~done)
-        curved, excess = self._judged(T)
+        boxes, form = boxes.at(~done), form.at(~done)
         x = np.pi * boxes.center
-        self._refute(boxes.state, T.c[0], self.claims.error[boxes.state, 0], x, 1.0)
+        self._refute(boxes.state, form.c[0], self.claims.error[boxes.state, 0], x)
+        curved, excess = self._judged(form)
         nearest = np.pi * np.maximum(np.abs(boxes.center) - boxes.half, 0)
         kappa = np.maximum(_laplacian(nearest), 4 * np.sin(self.T[boxes.state] / 2) ** 2)
         bound = self.level[boxes.state] + SAFE * excess / kappa
@@ -158,29 +169,30 @@ class _Search:
             self.kept_cones.append(boxes.at(done))
         boxes, near, far, T, near_done = boxes.at(~done), near.at(~done), far.at(~done), T[~done], near_done[~done]
         rounding = self.claims.long_error[boxes.state] @ np.array([1.0, _LONG**2])
-        self._refute(boxes.state, far.c[0], rounding + far.share[0], T[:, None] * boxes.center, T**2)
+        remainder = far.share[0]
+        self._refute(boxes.state, T**2 * far.c[0], T**2 * (rounding + remainder), T[:, None] * boxes.center)
         curved, excess = (np.maximum(*both) for both in zip(self._judged(near), self._judged(far), strict=True))
         bound = self.level[boxes.state] + SAFE * np.pi**2 / 4 * excess  # κ²/t² is at least 4/π² in the zone.
         boxes = boxes._replace(bound=np.minimum(boxes.bound, bound))
-        # A wave of length zero that refutes the claim does so for a small T as well.
+        # If the limit t = 0 refutes the claim, so does a wave of a small T.
         positive = ~is_negative(near.c[:1], -rounding, self.dim)
-        shorter = positive | near_done & (far.share[0] > curved.sum(axis=0) / 4)
+        shorter = positive | near_done & (remainder > curved.sum(axis=0) / 4)
         self.T[np.unique(boxes.state[shorter])] /= 2
-        lost = self.T[boxes.state] < _SHORTEST
+        lost = np.where(shorter, self.T[boxes.state] < _SHORTEST, boxes.half.max(axis=1) < _NARROWEST)
         np.maximum.at(self.upper, boxes.state[lost], boxes.bound[lost])
         same, cut = shorter & ~lost, ~shorter & ~lost
         new = halved(boxes.at(cut), np.argmax(curved[:, cut], axis=0))
         return joined([boxes.at(same), new.at(meets(self.chambers, new.center, new.half))])
 
-    def _is_negative(self, T: Taylor) -> np.ndarray:
-        return is_negative(at_vertices(T.c, self.work.vertices), T.error, self.dim)
+    def _is_negative(self, form: Taylor) -> np.ndarray:
+        return is_negative(at_vertices(form.c, self.work.vertices), form.error, self.dim)
 
-    def _judged(self, T: Taylor) -> tuple[np.ndarray, np.ndarray]:
+    def _judged(self, form: Taylor) -> tuple[np.ndarray, np.ndarray]:
         """What every coordinate adds to the bound beyond first order (dim, boxes), and a bound of λ⁺(A) (boxes,)."""
         exponents = monomials(self.dim).exponents
-        size, curved = norms(T.c, self.dim), exponents.sum(axis=1) > 1
-        bound = top(T.c[0], self.dim) + SAFE * size[1:].sum(axis=0) + T.error
-        return exponents[curved].T @ size[curved] + T.share, np.maximum(bound, 0.0)
+        size, curved = norms(form.c, self.dim), exponents.sum(axis=1) > 1
+        bound = top(form.c[0], self.dim) + SAFE * size[1:].sum(axis=0) + form.error
+        return exponents[curved].T @ size[curved] + form.share, np.maximum(bound, 0.0)
 
     def _left(self, boxes: Boxes) -> Boxes:
         """The boxes that meet a chamber and do not lie among the long waves of the cones."""
@@ -189,15 +201,12 @@ class _Search:
             left &= meets(self.chambers, boxes.center, boxes.half)
         return boxes.at(left)
 
-    def _refute(self, state: np.ndarray, A: np.ndarray, error: np.ndarray, x: np.ndarray, scale) -> None:
-        """Store the waves x (boxes, dim) at which A × scale has an eigenvalue above `error`. A is packed."""
+    def _refute(self, state: np.ndarray, A: np.ndarray, error: np.ndarray, x: np.ndarray) -> None:
+        """Store the waves x (boxes, dim) at which A (entries, boxes) has an eigenvalue above its error (boxes,)."""
         suspect = np.flatnonzero(~is_negative(A[None], -error, self.dim))
-        place = upper(self.dim)[1]
-        highest = np.linalg.eigvalsh(A[:, suspect].T[:, place])[:, -1]
-        found = np.where(highest > error[suspect], highest, -np.inf)
-        found = self.level[state[suspect]] + found * np.broadcast_to(scale, state.shape)[suspect] / _laplacian(
-            x[suspect]
-        )
+        highest = np.linalg.eigvalsh(A[:, suspect].T[:, upper(self.dim)[1]])[:, -1]
+        quotient = self.level[state[suspect]] + highest / _laplacian(x[suspect])
+        found = np.where(highest > error[suspect], quotient, -np.inf)
         for i in np.argsort(found):
             s = state[suspect[i]]
             if found[i] > self.value[s]:
