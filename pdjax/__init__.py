@@ -13,8 +13,8 @@ critical loads, the equilibria and motions of whole bodies, and the derivatives 
     pdjax.tangent            the exact Jacobian of the forces of a body
         jacobian, jvp
     pdjax.infinite_lattice   stability and waves of an infinite lattice, from one family
-        stability, certify, critical_load, stability_map, model_atlas, symbol, center_block, dispersion, cell_stability
-        hydrostatic, uniaxial_strain, uniaxial_stress, simple_shear
+        stability, certify, certify_path, critical_load, stability_map, model_atlas, symbol, center_block, dispersion
+        cell_stability, hydrostatic, uniaxial_strain, uniaxial_stress, simple_shear
     pdjax.finite_body        supports and loads, stability, statics and dynamics of a body
         prescribe, body_force, total_force, homogeneous_traction, scene, solve, equilibrium_path
         body_stability, body_spectrum, body_critical_load, motion, simulate, critical_time_step, observers
@@ -266,6 +266,10 @@ from .infinite_lattice.criteria import CRITERIA as CRITERIA
 from .infinite_lattice.criteria import Stability as Stability
 from .infinite_lattice.criteria import stability as stability
 from .infinite_lattice.criteria.certified import certify as certify
+from .infinite_lattice.criteria.certified_critical import CriticalCertificate as CriticalCertificate
+from .infinite_lattice.criteria.certified_critical import certify_critical_load as certify_critical_load
+from .infinite_lattice.criteria.certified_path import PathCertificate as PathCertificate
+from .infinite_lattice.criteria.certified_path import certify_path as certify_path
 from .infinite_lattice.criteria.critical_load import (
     critical_load as critical_load,
 )
