@@ -98,7 +98,7 @@ def test_a_broken_search_of_the_zone_is_caught(monkeypatch):
 def test_a_proof_that_runs_out_of_boxes_gives_the_bounds_reached():
     family, F = pd.lattice_family(3, 2), a_state(3)
     whole = pd.certify(SETH_HILL, family, F, tol=0.1)
-    short = pd.certify(SETH_HILL, family, F, tol=0.1, boxes=2000)
+    short = pd.certify(SETH_HILL, family, F, tol=0.1, boxes=300)
     assert whole.proved and not short.proved
     assert np.isfinite(short.upper) and short.upper > whole.upper and abs(short.lower - whole.lower) < 1e-12
     assert "budget" in str(short)
@@ -136,8 +136,13 @@ def test_kept_regions_cover_the_part_of_the_zone_that_was_examined():
     corners = proof.regions
     assert corners is not None and corners.shape[1:] == (4, 2)
     around = corners[:, [0, 1, 3, 2]]
+    step, points = np.roll(around, -1, axis=1) - around, np.random.default_rng(0).uniform(0, np.pi, (500, 2))
+    points = -np.sort(-points, axis=1)  # one of the eight chambers of [−π, π]², 0 ≤ x₂ ≤ x₁ ≤ π
+    to = points[:, None, None] - around
+    side = step[..., 0] * to[..., 1] - step[..., 1] * to[..., 0]
+    assert ((side >= 0).all(axis=2) | (side <= 0).all(axis=2)).any(axis=1).all()
     area = 0.5 * abs((around * np.roll(around, -1, axis=1)[..., ::-1] * np.array([1, -1])).sum(axis=(1, 2))).sum()
-    assert abs(area - np.pi**2 / 2) < 1e-9  # one of the eight chambers of [−π, π]²
+    assert np.pi**2 / 2 < area < 0.8 * np.pi**2  # Boxes on the diagonal reach beyond the chamber.
 
 
 @pytest.mark.parametrize(

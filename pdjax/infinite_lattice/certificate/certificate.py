@@ -5,7 +5,6 @@ import numpy as np
 
 from ..lattice_states import States
 from .enclosed import FLOOR, Enclosed
-from .proof import corners
 
 
 class Certificate(eqx.Module):
@@ -36,7 +35,8 @@ class Certificate(eqx.Module):
     hyperelastic : bool
         Whether the model has an energy.
     regions : array, shape (boxes, corners, dim), or None
-        Corners x = h k [-] of the boxes on which the bound is proved, if they were asked for.
+        Corners x = h k [-] of the boxes on which the bound is proved, if they were asked for. Half of the corners of
+        a cone of long waves are at x = 0.
 
     Examples
     --------
@@ -101,5 +101,5 @@ def certificate_of(found: Enclosed, states: States, tol: float, hyperelastic: bo
         missed=bool(found.missed[0]),
         tol=tol,
         hyperelastic=hyperelastic,
-        regions=None if found.regions is None else corners(found.regions, found.frames),
+        regions=found.regions,
     )

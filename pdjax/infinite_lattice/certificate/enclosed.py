@@ -12,7 +12,7 @@ import numpy as np
 
 from ..climb import climb
 from ..cosine_series import Series, forms, packed
-from .enclosure import UNIT, Boxes
+from .enclosure import UNIT
 from .proof import prove
 
 FLOOR = 1e-9  # Smallest width of an enclosure [-]. Rounding takes up to 1e-10 for 3D lattices with N = 3.
@@ -24,8 +24,8 @@ class Enclosed(NamedTuple):
 
     `lower` and `upper` enclose the margin. `x` [1/spacing] and `mode` are wave and polarisation of the lower bound, and
     `is_long` tells that x is the direction of the limit k → 0. `boxes` counts the boxes, `proved` tells that the width
-    has been reached, and `missed` that the proof has found a higher wave than the one proposed. `regions` and `frames`
-    are the boxes of a `Proof`.
+    has been reached, and `missed` that the proof has found a higher wave than the one proposed. `regions` are those
+    of a `Proof`.
     """
 
     lower: np.ndarray
@@ -36,8 +36,7 @@ class Enclosed(NamedTuple):
     boxes: np.ndarray
     proved: np.ndarray
     missed: np.ndarray
-    regions: Boxes | None
-    frames: np.ndarray
+    regions: np.ndarray | None
 
 
 def quotients(blocks: np.ndarray, offsets: np.ndarray, x: np.ndarray, is_long: np.ndarray, mode: np.ndarray):
@@ -79,7 +78,7 @@ def enclose(
     x, is_long, mode = (np.array(part) for part in (x, is_long, mode))
     lower, upper = np.full(states, -np.inf), np.full(states, np.inf)
     used, missed, done = np.zeros(states, int), np.zeros(states, bool), np.zeros(states, bool)
-    regions, frames = None, np.zeros((0, *blocks.shape[2:]))
+    regions = None
     open_ = np.arange(states)
     for _ in range(_ROUNDS):
         part = blocks[open_]
@@ -90,11 +89,11 @@ def enclose(
         proof = prove(part, offsets, level, boxes, seconds, show, keep)
         used[open_] += proof.boxes
         upper[open_], done[open_] = proof.upper, proof.done
-        regions, frames = proof.regions, proof.frames
+        regions = proof.regions
         found = proof.value > level
         open_ = open_[found]
         if not len(open_):
             break
         missed[open_], is_long[open_] = True, False
         x[open_], mode[open_] = _climbed(blocks[open_], offsets, proof.wave[found])
-    return Enclosed(lower, upper, x, is_long, mode, used, done, missed, regions, frames)
+    return Enclosed(lower, upper, x, is_long, mode, used, done, missed, regions)

@@ -1,38 +1,30 @@
 """Proof that the margins of states are at most given levels, by branch and bound over the Brillouin zone.
 
-The chambers of the zone (`chambers`) are divided into boxes. A box is done if its bound (`enclosure`) shows that
-A(x) = Ĵ(x) − μ κ²(x) I has no positive eigenvalue on it. Any other box is halved across the coordinate that adds most
-to its bound. If A has a positive eigenvalue at the centre of a box, this wave refutes the claim.
+Long waves come first. Their cones (`boxes`) are divided until the bound (`enclosure`) shows on each of them that
+A(x) = Ĵ(x) − μ κ²(x) I has no positive eigenvalue for t ≤ T. Where the remainder of the expansion in t is a large part
+of a bound, T of the state is halved. Then the rest of the zone, |x|_∞ > T, is divided into boxes in the same way.
+If A has a positive eigenvalue at the centre of a box, this wave refutes the claim.
 """
 
 import sys
 import time
 from collections import deque
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 
-from .chambers import chambers, symmetries
-from .enclosure import (
-    SAFE,
-    UNIT,
-    Boxes,
-    Claims,
-    Taylor,
-    corners_of,
-    excess,
-    is_negative,
-    joined,
-    largest,
-    taylor,
-    wave_vectors,
-)
+from ..cosine_series import upper
+from .boxes import Boxes, corners, first_boxes, first_cones, halved, joined
+from .chambers import chambers, meets, signed_permutations, symmetries
+from .enclosure import UNIT, Claims, Taylor, Work, on_boxes, on_cones
+from .polynomials import SAFE, at_vertices, is_negative, monomials, norms, top
 
-# Divisions of t in [0, π] and of every component of v in [0, 1] with which a proof starts: 8 to 32 and 2 to 8 differ by
-# a tenth in the number of boxes.
-FIRST = (8, 4)
+_LONG = np.pi / 16  # First end T of the cones of long waves. π/8 and π/32 differ little in the number of boxes.
+_SHORTEST = np.pi * 2.0**-20  # Smallest T. Below it rounding decides.
+_NARROWEST = 2.0**-40  # Smallest half width of a cone.
 _CHUNK = 2**17  # boxes × offsets that are bounded at once, so that the arrays stay in the cache
-_KAPPA = np.pi**2 / 4  # κ²/t² is at least 1/_KAPPA in the zone.
+_STATES = 64  # States that are proved at once. The boxes of one state share a matrix product.
 
 
 class Proof(NamedTuple):
@@ -50,10 +42,8 @@ class Proof(NamedTuple):
         The largest quotient λ_max(Ĵ)/(M κ²) at a centre that exceeds the level μ, or −inf.
     wave : array, shape (states, dim)
         The wave x = h k of `value`.
-    regions : Boxes or None
-        The boxes that are done, if they were asked for.
-    frames : array, shape (chambers, dim, dim)
-        The matrices W of the chambers in which the boxes lie.
+    regions : array, shape (boxes, 2^dim, dim), or None
+        The corners x = h k of the boxes that are done, if they were asked for.
     """
 
     upper: np.ndarray
@@ -61,47 +51,7 @@ class Proof(NamedTuple):
     boxes: np.ndarray
     value: np.ndarray
     wave: np.ndarray
-    regions: Boxes | None
-    frames: np.ndarray
-
-
-def _first(states: int, frames: np.ndarray) -> Boxes:
-    """The boxes with which the proof of several states starts."""
-    count, dim = len(frames), frames.shape[1]
-    parts = [FIRST[0]] + [FIRST[1]] * (dim - 1)
-    axes = [(np.arange(n) + 0.5) / n for n in parts]
-    center = np.stack([x.reshape(-1) for x in np.meshgrid(*axes, indexing="ij")], axis=1)
-    half = np.broadcast_to(0.5 / np.array(parts), center.shape)
-    inside = _inside(center, half)
-    center, half = center[inside], half[inside]
-    n = len(center)
-    state = np.repeat(np.arange(states, dtype=np.int32), count * n)
-    chamber = np.tile(np.repeat(np.arange(count, dtype=np.int32), n), states)
-    again = (states * count, 1)
-    return Boxes(state, chamber, np.tile(center, again), np.tile(half, again), np.full(len(state), np.inf))
-
-
-def _inside(center: np.ndarray, half: np.ndarray) -> np.ndarray:
-    """Whether a box meets its chamber, v₂ ≤ v₁."""
-    if center.shape[1] < 3:
-        return np.ones(len(center), bool)
-    return center[:, 2] - half[:, 2] < center[:, 1] + half[:, 1]
-
-
-def _halved(boxes: Boxes, T: Taylor, pairs: np.ndarray) -> Boxes:
-    """Both halves of every box, cut across the coordinate with the largest part of the bound."""
-    reach = T.half.copy()
-    reach[:, 1:] *= np.pi * boxes.center[:, :1]
-    share = reach**2 / (reach**2).sum(axis=1, keepdims=True)
-    axis = np.argmax(pairs.sum(axis=2) + share * T.remainder[:, None], axis=1)
-    each = np.arange(len(axis))
-    half = boxes.half.copy()
-    half[each, axis] /= 2
-    low, high = boxes.center.copy(), boxes.center.copy()
-    low[each, axis] -= half[each, axis]
-    high[each, axis] += half[each, axis]
-    both = joined([Boxes(boxes.state, boxes.chamber, c, half, boxes.bound) for c in (low, high)])
-    return both.at(_inside(both.center, both.half))
+    regions: np.ndarray | None
 
 
 def prove(
@@ -116,83 +66,164 @@ def prove(
     """Try to prove that the margin of every state is at most its level μ.
 
     `blocks` (states, offsets, dim, dim) are the cosine series in units of M/h². Of every block only the symmetric part
-    counts. The proof of a state ends after `boxes` boxes, and that of all after `seconds`. If `keep` is True, the boxes
-    that are done are returned.
+    counts. The proof of a state ends after `boxes` boxes, and that of all after `seconds`, but not before its first
+    boxes have been bounded. If `keep` is True, the boxes that are done are returned.
     """
-    symmetric = (blocks + blocks.transpose(0, 1, 3, 2)) / 2
-    group, mean = symmetries(symmetric, offsets)
-    change = np.linalg.norm(mean - symmetric, axis=(2, 3)) + 128 * UNIT * np.linalg.norm(mean, axis=(2, 3))
-    claims, frames = Claims.of(mean, offsets, level, change), chambers(group)
-    states, dim = len(blocks), offsets.shape[1]
-    count, upper = np.zeros(states, int), np.array(level, float)
-    value, wave = np.full(states, -np.inf), np.zeros((states, dim))
-    queue, kept = deque([_first(states, frames)]), []
-    size, start = max(64, _CHUNK // len(offsets)), time.monotonic()
-    volume, whole = 0.0, float(states * len(frames)) / (2 if dim == 3 else 1)
-
-    def leave(part: Boxes) -> None:
-        np.maximum.at(upper, part.state, part.bound)
-
-    while queue:
-        some = queue.popleft()
-        while queue and len(some.state) < size:
-            some = joined([some, queue.popleft()])
-        if len(some.state) > size:
-            queue.appendleft(some.at(slice(size, None)))
-            some = some.at(slice(size))
-        late = (count[some.state] >= boxes) | (time.monotonic() - start > seconds) | (value[some.state] > -np.inf)
-        leave(some.at(late))
-        some = some.at(~late)
-        if not len(some.state):
-            continue
-        count += np.bincount(some.state, minlength=states)
-        T = taylor(claims, frames, some)
-        more, pairs = excess(T)
-        ends = corners_of(T.P, T.P1, T.half)
-        done = is_negative(ends, np.broadcast_to(more[:, None], T.half.shape))
-        if keep:
-            kept.append(some.at(done))
-        volume += float(np.prod(2 * some.half[done], axis=1).sum())
-        _show(show, int(count.sum()), volume / whole)
-        if done.all():
-            continue
-        some, T, pairs = some.at(~done), T.at(~done), pairs[~done]
-        bound = level[some.state] + SAFE * _KAPPA * np.maximum(largest(ends[~done], more[~done]), 0.0)
-        some = some._replace(bound=np.minimum(some.bound, bound))
-        _refute(claims, frames, some, T, level, value, wave)
-        queue.append(_halved(some, T, pairs))
-    _show(show, int(count.sum()), 1.0, end=True)
-    regions = joined(kept) if kept else None
-    return Proof(upper, (upper == level) & (value == -np.inf), count, value, wave, regions, frames)
+    end = time.monotonic() + seconds
+    parts = [slice(first, first + _STATES) for first in range(0, len(blocks), _STATES)]
+    proofs = [_Search(blocks[part], offsets, level[part], boxes, end, show, keep).proof() for part in parts]
+    joint = Proof(*(np.concatenate(arrays) for arrays in zip(*proofs, strict=True)))
+    return joint if keep else joint._replace(regions=None)
 
 
-def _refute(claims: Claims, frames, boxes: Boxes, T: Taylor, level, value: np.ndarray, wave: np.ndarray) -> None:
-    """Store the waves at which A has a positive eigenvalue that is more than rounding."""
-    suspect = ~is_negative(T.P[:, None], np.zeros(T.half.shape))
-    if not suspect.any():
-        return
-    some = boxes.at(suspect)
-    top = np.linalg.eigvalsh(T.P[suspect])[:, -1]
-    t, y = wave_vectors(some, frames)
-    x = t[:, None] * y
-    kappa = (4 * np.sin(x / 2) ** 2).sum(axis=1) / t**2
-    found = np.where(top > T.rounding[suspect], level[some.state] + top / kappa, -np.inf)
-    for i in np.argsort(found):
-        if found[i] > value[some.state[i]]:
-            value[some.state[i]], wave[some.state[i]] = found[i], x[i]
+class _Search:
+    """Branch and bound of a few states."""
+
+    def __init__(
+        self,
+        blocks: np.ndarray,
+        offsets: np.ndarray,
+        level: np.ndarray,
+        boxes: int,
+        end: float,
+        show: bool,
+        keep: bool,
+    ):
+        symmetric = (blocks + blocks.transpose(0, 1, 3, 2)) / 2
+        group, mean = symmetries(symmetric, offsets)
+        change = np.linalg.norm(mean - symmetric, axis=(2, 3)) + 128 * UNIT * np.linalg.norm(mean, axis=(2, 3))
+        self.claims, self.chambers = Claims.of(mean, offsets, level, change), chambers(group)
+        self.states, self.dim = len(blocks), offsets.shape[1]
+        # The boxes of the first chambers of all orbits cover whole orthants if −I is the only symmetry.
+        self.whole = 2 * len(self.chambers) == len(signed_permutations(self.dim))
+        self.level, self.limit, self.end, self.show, self.keep = level, boxes, end, show, keep
+        self.size = max(64, _CHUNK // len(offsets))
+        self.work = Work(offsets, self.size)
+        self.T = np.full(self.states, _LONG)
+        self.count, self.upper = np.zeros(self.states, int), np.array(level, float)
+        self.value, self.wave = np.full(self.states, -np.inf), np.zeros((self.states, self.dim))
+        self.kept, self.kept_cones = [np.zeros((0, 2**self.dim, self.dim))], list[Boxes]()
+
+    def proof(self) -> Proof:
+        """Examine the cones, then the boxes."""
+        self._examine(first_cones(self.states, self.chambers), self._cones)
+        first = self._left(first_boxes(self.states, self.chambers))
+        self.volume = self.total = _volume(first)
+        self._examine(first, self._boxes)
+        self._tell(end=True)
+        done = (self.upper == self.level) & (self.value == -np.inf)
+        cones = [corners(part, self.T[part.state]) for part in self.kept_cones]
+        return Proof(self.upper, done, self.count, self.value, self.wave, np.concatenate([*cones, *self.kept]))
+
+    def _examine(self, first: Boxes, step: Callable[[Boxes], Boxes]) -> None:
+        """Bound and divide boxes until none is left. `step` returns the boxes that take the place of some."""
+        queue = deque([first])
+        while queue:
+            some = queue.popleft()
+            while queue and len(some.state) < self.size:
+                some = joined([some, queue.popleft()])
+            if len(some.state) > self.size:
+                queue.appendleft(some.at(slice(self.size, None)))
+                some = some.at(slice(self.size))
+            over = (self.count[some.state] >= self.limit) | (time.monotonic() > self.end)
+            late = (over & np.isfinite(some.bound)) | (self.value[some.state] > -np.inf)
+            np.maximum.at(self.upper, some.state[late], some.bound[late])
+            some = some.at(~late)
+            if not len(some.state):
+                continue
+            some = some.at(np.argsort(some.state, kind="stable"))
+            self.count += np.bincount(some.state, minlength=self.states)
+            new = step(some)
+            if len(new.state):
+                queue.append(new)
+
+    def _boxes(self, boxes: Boxes) -> Boxes:
+        """Bound boxes of waves. Return the halves of those that are not done."""
+        before = _volume(boxes)
+        form = on_boxes(self.claims, boxes, self.work)
+        done = self._is_negative(form)
+        if self.keep:
+            self.kept.append(corners(boxes.at(done)))
+        boxes, form = boxes.at(~done), form.at(~done)
+        x = np.pi * boxes.center
+        self._refute(boxes.state, form.c[0], self.claims.error[boxes.state, 0], x)
+        curved, excess = self._judged(form)
+        nearest = np.pi * np.maximum(np.abs(boxes.center) - boxes.half, 0)
+        kappa = np.maximum(_laplacian(nearest), 4 * np.sin(self.T[boxes.state] / 2) ** 2)
+        bound = self.level[boxes.state] + SAFE * excess / kappa
+        boxes = boxes._replace(bound=np.minimum(boxes.bound, bound))
+        new = self._left(halved(boxes, np.argmax(curved, axis=0)))
+        self.volume -= before - _volume(new)
+        self._tell()
+        return new
+
+    def _cones(self, boxes: Boxes) -> Boxes:
+        """Bound cones of long waves. Return the halves of those that are not done, or the same with a smaller T."""
+        T = self.T[boxes.state]
+        near = on_cones(self.claims, boxes, 0 * T, self.work)
+        near_done = self._is_negative(near)
+        near = near._replace(c=near.c.copy())  # The next expansion takes its memory.
+        far = on_cones(self.claims, boxes, T, self.work)
+        done = near_done & self._is_negative(far)
+        if self.keep:
+            self.kept_cones.append(boxes.at(done))
+        boxes, near, far, T, near_done = boxes.at(~done), near.at(~done), far.at(~done), T[~done], near_done[~done]
+        rounding = self.claims.long_error[boxes.state] @ np.array([1.0, _LONG**2])
+        remainder = far.share[0]
+        self._refute(boxes.state, T**2 * far.c[0], T**2 * (rounding + remainder), T[:, None] * boxes.center)
+        curved, excess = (np.maximum(*both) for both in zip(self._judged(near), self._judged(far), strict=True))
+        bound = self.level[boxes.state] + SAFE * np.pi**2 / 4 * excess  # κ²/t² is at least 4/π² in the zone.
+        boxes = boxes._replace(bound=np.minimum(boxes.bound, bound))
+        # If the limit t = 0 refutes the claim, so does a wave of a small T.
+        positive = ~is_negative(near.c[:1], -rounding, self.dim)
+        shorter = positive | near_done & (remainder > curved.sum(axis=0) / 4)
+        self.T[np.unique(boxes.state[shorter])] /= 2
+        lost = np.where(shorter, self.T[boxes.state] < _SHORTEST, boxes.half.max(axis=1) < _NARROWEST)
+        np.maximum.at(self.upper, boxes.state[lost], boxes.bound[lost])
+        same, cut = shorter & ~lost, ~shorter & ~lost
+        new = halved(boxes.at(cut), np.argmax(curved[:, cut], axis=0))
+        return joined([boxes.at(same), new.at(meets(self.chambers, new.center, new.half))])
+
+    def _is_negative(self, form: Taylor) -> np.ndarray:
+        return is_negative(at_vertices(form.c, self.work.vertices), form.error, self.dim)
+
+    def _judged(self, form: Taylor) -> tuple[np.ndarray, np.ndarray]:
+        """What every coordinate adds to the bound beyond first order (dim, boxes), and a bound of λ⁺(A) (boxes,)."""
+        exponents = monomials(self.dim).exponents
+        size, curved = norms(form.c, self.dim), exponents.sum(axis=1) > 1
+        bound = top(form.c[0], self.dim) + SAFE * size[1:].sum(axis=0) + form.error
+        return exponents[curved].T @ size[curved] + form.share, np.maximum(bound, 0.0)
+
+    def _left(self, boxes: Boxes) -> Boxes:
+        """The boxes that meet a chamber and do not lie among the long waves of the cones."""
+        left = np.pi * (np.abs(boxes.center) + boxes.half).max(axis=1) > self.T[boxes.state]
+        if not self.whole:
+            left &= meets(self.chambers, boxes.center, boxes.half)
+        return boxes.at(left)
+
+    def _refute(self, state: np.ndarray, A: np.ndarray, error: np.ndarray, x: np.ndarray) -> None:
+        """Store the waves x (boxes, dim) at which A (entries, boxes) has an eigenvalue above its error (boxes,)."""
+        suspect = np.flatnonzero(~is_negative(A[None], -error, self.dim))
+        highest = np.linalg.eigvalsh(A[:, suspect].T[:, upper(self.dim)[1]])[:, -1]
+        quotient = self.level[state[suspect]] + highest / _laplacian(x[suspect])
+        found = np.where(highest > error[suspect], quotient, -np.inf)
+        for i in np.argsort(found):
+            s = state[suspect[i]]
+            if found[i] > self.value[s]:
+                self.value[s], self.wave[s] = found[i], x[suspect[i]]
+
+    def _tell(self, end: bool = False) -> None:
+        """The share of the zone that is done, on one line of the terminal."""
+        if self.show and sys.stderr.isatty():
+            share = 1.0 if end else 1 - self.volume / self.total
+            text = f"\rproof: {self.count.sum()} boxes, {100 * share:3.0f} % of the zone"
+            print(text, end="\n" if end else "", file=sys.stderr)
 
 
-def _show(show: bool, boxes: int, share: float, end: bool = False) -> None:
-    """The share of the zone that is done, on one line of the terminal."""
-    if show and sys.stderr.isatty():
-        print(f"\rproof: {boxes} boxes, {100 * share:3.0f} % of the zone", end="\n" if end else "", file=sys.stderr)
+def _laplacian(x: np.ndarray) -> np.ndarray:
+    """κ² of waves x (boxes, dim)."""
+    return (4 * np.sin(x / 2) ** 2).sum(axis=1)
 
 
-def corners(boxes: Boxes, frames: np.ndarray) -> np.ndarray:
-    """The corners x = t W(1, v) [1/spacing] of boxes, shape (boxes, 2^dim, dim)."""
-    dim = boxes.center.shape[1]
-    signs = np.stack(np.meshgrid(*[(-1.0, 1.0)] * dim, indexing="ij"), axis=-1).reshape(-1, dim)
-    each = (boxes.center[:, None] + signs * boxes.half[:, None]).reshape(-1, dim)
-    many = Boxes(*(np.repeat(part, len(signs), axis=0) for part in boxes))._replace(center=each)
-    t, y = wave_vectors(many, frames)
-    return (t[:, None] * y).reshape(-1, len(signs), dim)
+def _volume(boxes: Boxes) -> float:
+    return float(np.prod(2 * boxes.half, axis=1).sum())

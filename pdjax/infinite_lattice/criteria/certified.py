@@ -151,7 +151,7 @@ def certify(
     tol : float, optional
         Width of the enclosure relative to the margin [-]. A tolerance of 1 proves the sign of the margin alone.
     boxes : int, optional
-        Largest number of boxes. A proof in 2D takes 10² to 10⁴, in 3D 10³ to 10⁶.
+        Largest number of boxes. A proof in 2D takes 30 to 5000, in 3D 30 to 10⁵.
     seconds : float, optional
         Time [s] after which the proof ends with the bounds reached so far.
     regions : bool, optional
@@ -187,8 +187,8 @@ def certify(
 
     References
     ----------
-    Born & Huang 1954 (the symbol); Neumaier 1990 (enclosures by Taylor forms). The parametrisation that removes the
-    singularity at k = 0 is derived here, see `pdjax.infinite_lattice.certificate.enclosure`.
+    Born & Huang 1954 (the symbol); Neumaier 1990 (enclosures by Taylor forms). The bounds, and those of long
+    waves, are derived in `pdjax.infinite_lattice.certificate`: see its modules `polynomials` and `enclosure`.
 
     Examples
     --------
