@@ -413,7 +413,7 @@ def default_map(kept: dict, save, clock: Clock, points: int = 200, batch: int = 
     for i in np.flatnonzero((lower <= 0) & (upper >= 0)):
         states = States(np.asarray(linearise(m[i : i + 1], a[i : i + 1])), offsets, M, 1.0)
         prove_some(np.array([i]), states, tuple(x[i : i + 1] for x in wave), 200_000)
-        if time.perf_counter() - begin > 300:  # Marginal states would use their whole budget.
+        if time.perf_counter() - begin > 120:  # Marginal states would use their whole budget.
             break
     spent["prove the rest"] = time.perf_counter() - begin
     signs = np.where(lower > 0, "u", np.where(upper < 0, "s", "o"))
@@ -446,7 +446,7 @@ def deformations(dim: int) -> dict[str, np.ndarray]:
     return {"1.02 I": 1.02 * np.eye(dim)} | ({"general": general[:dim, :dim]} if dim > 1 else {})
 
 
-def cost(kept: dict, save, clock: Clock, longest: float = 120.0) -> None:
+def cost(kept: dict, save, clock: Clock, longest: float = 60.0) -> None:
     """Boxes and seconds of every tolerance. A state ends at the first tolerance that takes longer than `longest`."""
     rows = kept.setdefault("cost", [])
     for dim, horizons in ((1, (2, 3, 4)), (2, (2, 3, 4)), (3, (2, 3))):
@@ -484,11 +484,10 @@ def cost(kept: dict, save, clock: Clock, longest: float = 120.0) -> None:
                             }
                         )
                         print(rows[-1], flush=True)
+                        kept["a digit costs"] = digits(rows)
                         save()
                         if not made.proved[0]:
                             break
-    kept["a digit costs"] = digits(rows)
-    save()
 
 
 def digits(rows: list[dict]) -> dict:
