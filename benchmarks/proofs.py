@@ -591,7 +591,7 @@ def draw(kept: dict) -> Figure:
     if rows:
         left.set_xscale("log")
     left.set(xlabel="boxes of a proof, tol = 1e-2", ylabel="share of the random states [-]")
-    left.legend(frameon=False, fontsize=8)
+    left.legend(frameon=False, fontsize=7, loc="upper left", bbox_to_anchor=(0.0, 0.9))
     widest = {1: 3, 2: 3, 3: 2}
     for i, name in enumerate(MODELS):
         for dim, style in ((1, ":"), (2, "-"), (3, "--")):
@@ -611,11 +611,11 @@ def draw(kept: dict) -> Figure:
                 label=name if dim == 2 else None,
             )
     if kept.get("cost"):
-        middle.set(xscale="log", yscale="log")
+        middle.set(xscale="log", yscale="log", ylim=(1, None))
     middle.set(xlabel="tol [-]", ylabel="boxes of a proof")
     middle.set_title("F = 1.02 I; dotted 1D, N = 3; full 2D, N = 3; dashed 3D, N = 2", fontsize=9)
     middle.invert_xaxis()
-    middle.legend(frameon=False, fontsize=8)
+    middle.legend(frameon=False, fontsize=8, loc="lower center", ncols=2)
     if "map" in kept:
         signs = np.array([["sou".index(c) for c in row] for row in kept["map"]["signs"]])
         for i, (name, color) in enumerate((("stable", SERIES[0]), ("open", "black"), ("unstable", SERIES[1]))):
