@@ -144,8 +144,8 @@ def group(g: int):
     i = max(i for i, first in enumerate(FIRST) if g >= first)
     block, place, rng = BLOCKS[i], g - FIRST[i], np.random.default_rng(g)
     dim, several = block.dim, kinds(block)
-    # The step of 7 spreads the few groups of 3D over all kinds.
-    N, kind, law = several[(place * 7) % len(several)] if dim == 3 else several[place % len(several)]
+    # In 3D, steps of 7 spread the few groups over all kinds. The second term makes all of them different.
+    N, kind, law = several[(place * 7 + place // 5) % len(several)] if dim == 3 else several[place % len(several)]
     names = influences_of(dim, N, kind)
     influence = names[rng.integers(len(names))]
     family = family_of(dim, N, influence)
