@@ -30,6 +30,7 @@ PROGRAMS = (
     "inverse",
     "models_on_scenes",
     "peers",
+    "proofs",
     "singular_bar",
     "stabilisers",
     "zone_accuracy",
