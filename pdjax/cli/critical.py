@@ -2,7 +2,7 @@
 
 import argparse
 
-from .common import Formatter, Job, Jobs, critical_rows, critical_table, lattice_arguments, setting
+from .common import Formatter, Job, Jobs, critical_rows, critical_table, lattice_arguments, number, setting
 
 
 def add(jobs: Jobs, formatter: Formatter) -> None:
@@ -21,6 +21,11 @@ def add(jobs: Jobs, formatter: Formatter) -> None:
         "--m", type=float, nargs="+", default=[0.0, 1.0], help="orders m of the Seth–Hill strain (default 0 1)"
     )
     job.add_argument("--criterion", nargs="+", help="criteria (default symbol block diagonal continuum)")
+    job.add_argument(
+        "--certify",
+        action="store_true",
+        help="prove stability up to 0.999 of each critical load of the symbol, and instability at 1.001 of it",
+    )
 
 
 def run(arguments: argparse.Namespace) -> Job:
@@ -28,8 +33,24 @@ def run(arguments: argparse.Namespace) -> Job:
     law, path, influence = setting(arguments)
     names = arguments.criterion or ["symbol", "block", "diagonal", "continuum"]
     rows = critical_rows(arguments.m, names, law, path, influence, arguments)
+    proofs = _proofs(law, path, influence, arguments) if arguments.certify else None
     if not arguments.json:
         print(f"{arguments.dim}D, N = {arguments.N:g}, {arguments.path}: critical loads a [-]")
         print("(0: unstable for any load; none: no failure from -0.9 to 1; marginal states do not count as unstable)")
         print(critical_table(rows))
-    return {"critical_loads": rows}, None
+        for row in proofs or []:
+            print(f"m = {row['m']:g}, {row['side']} loads, a = {number(row['a_cr'])}: {row['verdict']}")
+    return {"critical_loads": rows} | ({} if proofs is None else {"proofs": proofs}), None
+
+
+def _proofs(law, path, influence, arguments: argparse.Namespace) -> list[dict]:
+    """The proofs on both sides of the critical load of the symbol, for every order and side."""
+    import pdjax as pd
+
+    family, rows = pd.lattice_family(arguments.dim, arguments.N, influence=influence), []
+    for m in arguments.m:
+        for side in ("negative", "positive"):
+            found = pd.certify_critical_load(pd.SethHill(m, law), family, path, side)
+            row = {"m": m, "side": side, "a_cr": found.load, "proved": found.proved, "verdict": found.verdict}
+            rows.append(row)
+    return rows

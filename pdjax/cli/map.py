@@ -48,6 +48,15 @@ def add(jobs: Jobs, formatter: Formatter) -> None:
     job.add_argument(
         "--out", default="pdjax-map", help="name of the output files, without extension (default pdjax-map)"
     )
+    job.add_argument(
+        "--certify",
+        type=float,
+        nargs="?",
+        const=1.0,
+        metavar="TOL",
+        help="prove the sign of every margin; a third panel shows what is proved. With TOL below 1, a stable state must"
+        " be proved to have at most (1 - TOL) times its margin",
+    )
 
 
 def run(arguments: argparse.Namespace) -> Job:
@@ -67,15 +76,22 @@ def run(arguments: argparse.Namespace) -> Job:
         seconds = time.perf_counter() - start
         print(f"coarse preview, {first.margin.size} states, in {picture} after {seconds:.1f} s", file=sys.stderr)
     lines = ["diagonal", "affine", "local", "continuum"]
-    grid = pd.stability_map(arguments.m, arguments.a, lines=lines, save=data, **rest)
+    grid = pd.stability_map(arguments.m, arguments.a, lines=lines, save=data, certify=arguments.certify, **rest)
     seconds = time.perf_counter() - start
     orders = np.array([-1.0, 0.0, 0.5, 1.0, 2.0])
     rows = critical_rows(orders, ["symbol", "diagonal"], law, path, influence, arguments)
     words, counts = np.unique(grid.verdict, return_counts=True)
     shares = {str(w): float(c / grid.verdict.size) for w, c in zip(words, counts, strict=True)}
+    proved = None
+    if grid.proof is not None:
+        parts = {"stable": -1, "unstable": 1, "open": 0}
+        proved = {word: float(np.mean(grid.proof == sign)) for word, sign in parts.items()}
     if not arguments.json:
         print(f"{arguments.dim}D, N = {arguments.N:g}, {arguments.path}, {grid.margin.size} states in {seconds:.1f} s")
-        print("by the symbol: " + ", ".join(f"{share:.1%} {word}" for word, share in shares.items()) + "\n")
+        print("by the symbol: " + ", ".join(f"{share:.1%} {word}" for word, share in shares.items()))
+        if proved is not None:
+            print("proved: " + ", ".join(f"{share:.1%} {word}" for word, share in proved.items()))
+        print()
         print("critical loads a [-] (0: unstable for any load; none: no failure from -0.9 to 1)")
         print(critical_table(rows) + "\n")
     out = {
@@ -83,6 +99,7 @@ def run(arguments: argparse.Namespace) -> Job:
         "data": str(data),
         "seconds": seconds,
         "shares": shares,
+        "proved": proved,
         "critical_loads": rows,
         "settings": grid.settings,
     }

@@ -51,6 +51,7 @@ LABELS = {
 }
 _REGIONS = {"stable": "#DCE9F5", "marginal": "#FFFFFF", "unstable": "#F3C9B5", "undefined": "#BBBBBB"}
 _WORDS = list(_REGIONS)
+_PROVED = ("stable", "undefined", "unstable")  # colours of the proofs −1, 0 and 1
 
 
 def _percent(axis) -> None:
@@ -129,7 +130,8 @@ def stability_map(grid: StabilityMap, horizon: int = 0) -> Figure:
     """Draw the stable and unstable regions of a stability map over the order and the load.
 
     The left panel shows the verdict of the map's own criterion. If the map also holds the criterion "diagonal", a right
-    panel shows the verdict of the diagonal. A line marks where the margin of a criterion is zero. A dashed line marks
+    panel shows the verdict of the diagonal. If the signs of the margins were proved, a last panel shows what is proved;
+    open states are grey. A line marks where the margin of a criterion is zero. A dashed line marks
     the criterion that the paper prints. A map with one order or one load is drawn as curves of the margin along the
     other axis.
 
@@ -161,8 +163,9 @@ def stability_map(grid: StabilityMap, horizon: int = 0) -> Figure:
     main = settings["criterion"]
     lines = {name: pick(values) for name, values in grid.lines.items()}
     beside = "diagonal" in lines and main != "diagonal"
-    figure = Figure(figsize=(5.4 * (1 + beside) + 0.4, 5.6), layout="constrained")
-    axes = np.atleast_1d(figure.subplots(1, 1 + beside, sharey=True))
+    panels = 1 + beside + (grid.proof is not None)
+    figure = Figure(figsize=(5.4 * panels + 0.4, 5.6), layout="constrained")
+    axes = np.atleast_1d(figure.subplots(1, panels, sharey=True))
     drawn: dict[str, Line2D] = {}
 
     def line(on: Axes, name: str, m, a, values, style, label: str | None = None) -> None:
@@ -188,7 +191,12 @@ def stability_map(grid: StabilityMap, horizon: int = 0) -> Figure:
     if beside or main == "diagonal":
         printed = _printed(grid, N)
         if printed is not None:
-            line(axes[-1], "printed", grid.m, grid.a, printed, "--", "diagonal, as printed in the paper")
+            line(axes[int(beside)], "printed", grid.m, grid.a, printed, "--", "diagonal, as printed in the paper")
+    if grid.proof is not None:
+        proof = pick(grid.proof)
+        _regions(axes[-1], grid.m, grid.a, np.array(_PROVED)[proof + 1])
+        shares = " ".join(f"{np.mean(proof == sign):.1%} {word}," for sign, word in ((-1, "stable"), (1, "unstable")))
+        axes[-1].set_title(f"proved: {shares} {np.mean(proof == 0):.1%} open", fontsize=10)
     for on in axes:
         mine = settings.get("model", "SethHill by order")
         own = f"{settings.get('parameter', 'parameter')} of {mine}"

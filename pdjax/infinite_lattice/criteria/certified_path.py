@@ -21,7 +21,7 @@ from ..certificate.load_forms import LoadForm, load_form
 from ..certificate.proof import prove
 from ..cosine_series import packed
 from ..lattice_states import STATES, offsets_of
-from ..paths import Path, hydrostatic, named_path, path_symmetry
+from ..paths import Path, check_stretch, hydrostatic, is_stretch, named_path, path_symmetry
 from . import family_zone
 from .certified import BOXES, NOT_TRACED, certifiable_states, check_budget
 from .critical_load import SMALLEST, deformations
@@ -230,7 +230,7 @@ def certify_path(
     Raises
     ------
     ValueError
-        If `load` is 0 or not finite, if the model has no energy, if a value is traced, or for what `certify` refuses.
+        If `load` is 0, not finite or a stretch 1 + load ≤ 0, if the model has no energy, if a value is traced, or for what `certify` refuses.
 
     Notes
     -----
@@ -262,6 +262,8 @@ def certify_path(
     load = float(load)
     if not (np.isfinite(load) and load != 0):
         raise ValueError(f"load must be finite and not 0, the end of the path; got {load:g}")
+    if is_stretch(path):
+        check_stretch(load)
     if not model.hyperelastic:
         raise ValueError(
             f"{type(model).__name__} has no energy here, so its stability cannot be proved; pdjax.certify bounds the"
