@@ -208,6 +208,8 @@ def stability_map(grid: StabilityMap, horizon: int = 0) -> Figure:
     # Every map has a line of marginal states at a = 0. The legend leaves it out.
     seen = [word for word in _WORDS if np.mean(words == word) > (2 / len(grid.a) if word == "marginal" else 0)]
     patches = [matplotlib.patches.Patch(facecolor=_REGIONS[w], edgecolor="#888888", label=w) for w in seen]
+    if grid.proof is not None and (pick(grid.proof) == 0).any():
+        patches.append(matplotlib.patches.Patch(facecolor=_REGIONS["undefined"], edgecolor="#888888", label="open"))
     handles = patches + list(drawn.values())
     figure.legend(handles=handles, loc="outside lower center", ncols=4, fontsize=9, frameon=False)
     figure.suptitle(f"Stability of an infinite lattice, {settings['dim']}D, N = {N:g}, {settings['law']}", fontsize=11)

@@ -230,7 +230,8 @@ def certify_path(
     Raises
     ------
     ValueError
-        If `load` is 0, not finite or a stretch 1 + load ≤ 0, if the model has no energy, if a value is traced, or for what `certify` refuses.
+        If `load` is 0, not finite or a stretch 1 + load ≤ 0, if the model has no energy, if a value is traced, or for
+        what `certify` refuses.
 
     Notes
     -----
