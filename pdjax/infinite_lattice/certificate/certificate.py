@@ -18,7 +18,7 @@ class Certificate(eqx.Module):
     proved : bool
         Whether the width upper − lower has reached the tolerance.
     verdict : str
-        What is proved: "stable", "unstable", "marginal within tol" if both bounds are within 2e-9 of zero, "undecided
+        What is proved: "stable", "unstable", "marginal within tol" if both bounds are within 2e-9 of zero (for any tolerance), "undecided
         within tol" otherwise. For a model without an energy "no divergence" or "undecided".
     boxes : int
         Number of boxes of the Brillouin zone that were bounded.
@@ -35,8 +35,8 @@ class Certificate(eqx.Module):
     hyperelastic : bool
         Whether the model has an energy.
     regions : array, shape (boxes, corners, dim), or None
-        Corners x = h k [-] of the boxes on which the bound is proved, if they were asked for. Half of the corners of
-        a cone of long waves are at x = 0.
+        Corners x = h k [-] of the boxes that are done, if they were asked for. In 2D the corners 0, 1, 3, 2 go around a
+        box. Half of the corners of a cone of long waves are at x = 0. `boxes` also counts those that were divided.
 
     Examples
     --------

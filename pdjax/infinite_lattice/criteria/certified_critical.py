@@ -36,7 +36,7 @@ class CriticalCertificate(eqx.Module):
     --------
     >>> model = pd.SethHill(1.0, pd.LinearElastic(1.0, 1.0), pd.SillingControl(0.065))
     >>> print(pd.certify_critical_load(model, pd.lattice_family(2, 2)))
-    a = -0.06726: proved stable at every load before it, proved unstable just beyond it
+    a = -0.04769: proved stable at every load before it, proved unstable just beyond it
     """
 
     load: float
