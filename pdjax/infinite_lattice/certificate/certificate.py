@@ -18,8 +18,8 @@ class Certificate(eqx.Module):
     proved : bool
         Whether the width upper − lower has reached the tolerance.
     verdict : str
-        What is proved: "stable", "unstable", "marginal within tol" if both bounds are within 2e-9 of zero (for any tolerance), "undecided
-        within tol" otherwise. For a model without an energy "no divergence" or "undecided".
+        What is proved: "stable", "unstable", "marginal within tol" if both bounds are within 2e-9 of zero (for any
+        tolerance), "undecided within tol" otherwise. For a model without an energy "no divergence" or "undecided".
     boxes : int
         Number of boxes of the Brillouin zone that were bounded.
     wave_vector : array, shape (dim,)
