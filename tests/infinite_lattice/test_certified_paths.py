@@ -119,3 +119,56 @@ def test_a_map_proves_every_sign_but_those_of_marginal_states(tmp_path):
 def test_what_cannot_be_proved_is_refused(call, words):
     with pytest.raises(ValueError, match=words):
         call(pd.lattice_family(1, 2))
+
+
+def worst_margin_up_to(model, family, path, load, count=60):
+    """The largest margin of the search at loads between 0 and the given one."""
+    loads = load * np.geomspace(1e-3, 1, count)
+    return max(float(pd.stability(model, family, pd.PATHS[path](jnp.asarray(a), model, family)).margin) for a in loads)
+
+
+class Soft(pd.LinearElastic):
+    """A law of a user with a dip in its energy."""
+
+    def energy(self, E):
+        return super().energy(E) + 0.003 * jnp.exp(-(((E[0, 0] + E[1, 1] + 0.2) / 0.02) ** 2))
+
+
+FALSE_CLAIMS = {  # States of a referee, who got false proofs from an earlier version.
+    "rest is unstable by negative strengths": (
+        pd.SethHill(1.0, LAW, pd.ShellControl(pd.shells(2, 2), [-0.02] * 3)),
+        "hydrostatic",
+        0.5,
+    ),
+    "rest is unstable by a negative modulus": (
+        pd.Correspondence(pd.LinearElastic(3.0, -0.2), pd.SillingControl(1.0)),
+        "hydrostatic",
+        0.8,
+    ),
+    "powers of very different size": (pd.SethHill(10.0, LAW, pd.SillingControl(0.02)), "hydrostatic", -0.9),
+    "negative powers": (pd.SethHill(-5.0, LAW, pd.SillingControl(0.02)), "hydrostatic", 100.0),
+    "dependent powers": (pd.SethHill(1 + 2.2e-16, LAW, pd.SillingControl(0.065)), "hydrostatic", -0.3),
+    "a user's law": (pd.SethHill(1.0, Soft(1.0, 1.0), pd.SillingControl(0.5)), "hydrostatic", -0.25),
+}
+
+
+@pytest.mark.parametrize("case", FALSE_CLAIMS)
+def test_no_load_up_to_the_proved_one_is_unstable(case):
+    model, path, load = FALSE_CLAIMS[case]
+    family = pd.lattice_family(2, 2)
+    proof = pd.certify_path(model, family, load, path)
+    assert proof.verdict != "stable"
+    assert proof.stable_to == 0 or worst_margin_up_to(model, family, path, proof.stable_to) < 0
+
+
+def test_a_path_that_has_no_state_but_rest_is_undecided():
+    def nowhere(a, model, family):
+        return jnp.eye(family.dim) * jnp.where(a == 0, 1.0, jnp.nan)
+
+    proof = pd.certify_path(SETH_HILL, pd.lattice_family(1, 2), 0.1, nowhere)
+    assert proof.verdict == "undecided" and proof.stable_to == 0
+
+
+def test_powers_that_overflow_are_refused():
+    with pytest.raises(ValueError, match="overflow"):
+        pd.certify_path(pd.SethHill(60.0, LAW, pd.SillingControl(0.02)), pd.lattice_family(2, 2), -0.999)

@@ -189,3 +189,32 @@ def test_search_finds_the_narrow_crests_next_to_rest_that_a_proof_has_found(case
     assert state.verdict == mirror.verdict == "unstable"
     assert abs(float(state.margin) / margin - 1) < 1e-3  # measured 3e-4, the digits written here
     assert abs(float(mirror.margin / state.margin) - 1) < 1e-6  # measured 4e-8
+
+
+def test_lower_bound_holds_for_a_wave_next_to_a_reciprocal_point():
+    """Near x = 2π the rounding of x would be large relative to κ²."""
+    offsets, blocks = np.arange(1, 6)[:, None], -np.array([1, 0.5, 0.3, 0.2, 0.1])[None, :, None, None]
+    supremum = float(-(blocks[0, :, 0, 0] @ offsets[:, 0] ** 2))  # at k → 0
+    x = np.array([[2 * np.pi - 3.162277660168379e-08]])
+    found = enclose(blocks, offsets, x, np.array([False]), np.ones((1, 1)), 1e-9, 5000)
+    assert found.lower[0] <= supremum <= found.upper[0]
+
+
+class Twisted(pd.PointStateModel):
+    """A model of a user whose bond force is no derivative of an energy, which it does not declare."""
+
+    c: float
+
+    def moments(self, bond):
+        return bond.omega * bond.volume, 0.0 * bond.omega
+
+    def state(self, sums):
+        return sums.deformed
+
+    def bond_force(self, here, there, bond):
+        return self.c * bond.omega * jnp.array([[1.0, 0.8], [-0.8, 1.0]]) @ bond.eta + 0.0 * here
+
+
+def test_a_model_that_wrongly_declares_an_energy_is_refused():
+    with pytest.raises(ValueError, match="hyperelastic = False"):
+        pd.certify(Twisted(1.0), pd.lattice_family(2, 2), np.eye(2))

@@ -41,6 +41,8 @@ class Enclosed(NamedTuple):
 
 def quotients(blocks: np.ndarray, offsets: np.ndarray, x: np.ndarray, is_long: np.ndarray, mode: np.ndarray):
     """vᵀĴv/κ² of every state at one wave, and a bound of its rounding error, both (states,)."""
+    # Any wave gives a lower bound. Near a multiple of 2π rounding would be large relative to κ².
+    x = np.where(is_long[:, None], x, x - 2 * np.pi * np.round(x / (2 * np.pi)))
     angle = x @ offsets.T
     c = np.where(is_long[:, None], angle**2, 4 * np.sin(angle / 2) ** 2)
     kappa = np.where(is_long, (x**2).sum(axis=1), (4 * np.sin(x / 2) ** 2).sum(axis=1))

@@ -62,16 +62,21 @@ def prove(
     seconds: float = np.inf,
     show: bool = False,
     keep: bool = False,
+    error: np.ndarray | float = 0.0,
 ) -> Proof:
     """Try to prove that the margin of every state is at most its level μ.
 
     `blocks` (states, offsets, dim, dim) are the cosine series in units of M/h². Of every block only the symmetric part
     counts. The proof of a state ends after `boxes` boxes, and that of all after `seconds`, but not before its first
-    boxes have been bounded. If `keep` is True, the boxes that are done are returned.
+    boxes have been bounded. If `keep` is True, the boxes that are done are returned. `error` (states, offsets) bounds
+    what is unknown of every block, in its norm.
     """
     end = time.monotonic() + seconds
     parts = [slice(first, first + _STATES) for first in range(0, len(blocks), _STATES)]
-    proofs = [_Search(blocks[part], offsets, level[part], boxes, end, show, keep).proof() for part in parts]
+    error = np.broadcast_to(error, blocks.shape[:2])
+    proofs = [
+        _Search(blocks[part], offsets, level[part], boxes, end, show, keep, error[part]).proof() for part in parts
+    ]
     joint = Proof(*(np.concatenate(arrays) for arrays in zip(*proofs, strict=True)))
     return joint if keep else joint._replace(regions=None)
 
@@ -88,10 +93,12 @@ class _Search:
         end: float,
         show: bool,
         keep: bool,
+        error: np.ndarray,
     ):
         symmetric = (blocks + blocks.transpose(0, 1, 3, 2)) / 2
         group, mean = symmetries(symmetric, offsets)
         change = np.linalg.norm(mean - symmetric, axis=(2, 3)) + 128 * UNIT * np.linalg.norm(mean, axis=(2, 3))
+        change += error
         self.claims, self.chambers = Claims.of(mean, offsets, level, change), chambers(group)
         self.states, self.dim = len(blocks), offsets.shape[1]
         # The boxes of the first chambers of all orbits cover whole orthants if −I is the only symmetry.

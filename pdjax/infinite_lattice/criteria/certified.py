@@ -44,6 +44,12 @@ def certifiable_states(model: AbstractModel, family: LatticeFamily, F: Numbers) 
             " one family does not give its symbol and no proof is available; use pdjax.cell_stability"
         )
     states = checked_states(model, family, np.asarray(F))
+    twist = np.abs(states.blocks - states.blocks.transpose(0, 1, 3, 2)).max(initial=0)
+    if model.hyperelastic and twist > 1e-9 * np.abs(states.blocks).max(initial=0):  # rounding: 1e-15 measured
+        raise ValueError(
+            f"{type(model).__name__} declares an energy, but its symbol is not symmetric. If the bond force is not the"
+            " derivative of an energy, declare hyperelastic = False in the class"
+        )
     if not np.isfinite(states.scaled).all():
         raise ValueError(
             f"the symbol of {type(model).__name__} has coefficients that are not finite at this F, so nothing can be"
