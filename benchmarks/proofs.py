@@ -591,7 +591,7 @@ def draw(kept: dict) -> Figure:
     if rows:
         left.set_xscale("log")
     left.set(xlabel="boxes of a proof, tol = 1e-2", ylabel="share of the random states [-]")
-    left.legend(frameon=False, fontsize=7, loc="upper left", bbox_to_anchor=(0.0, 0.9))
+    left.legend(frameon=False, fontsize=7, loc="lower right")
     widest = {1: 3, 2: 3, 3: 2}
     for i, name in enumerate(MODELS):
         for dim, style in ((1, ":"), (2, "-"), (3, "--")):
