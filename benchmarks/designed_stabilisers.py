@@ -240,7 +240,7 @@ def draw(kept: dict) -> Figure:
         )
     middle.set(xlabel="error of phase speeds at kh = 1 [%]", ylabel="margin over ±5 %, four paths [-]")
     middle.set_title("designed stabilisers, 2D, N = 3")
-    middle.legend(frameon=False, fontsize=7)
+    middle.legend(frameon=False, fontsize=7, loc="upper center", bbox_to_anchor=(0.5, -0.14), ncols=2)
     rows = kept.get("methods", {}).get("rows", [])
     names = list(
         dict.fromkeys(r["method"].split(" ")[0] if r["method"].startswith("scan") else r["method"] for r in rows)
