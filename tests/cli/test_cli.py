@@ -32,6 +32,27 @@ def test_json_is_one_object(tmp_path, capsys):
     assert loads["positive"] == "inf"
 
 
+def test_critical_loads_are_proved_on_request(capsys):
+    arguments = ["critical", "--dim", "1", "--m", "1", "--criterion", "symbol", "--certify"]
+    assert main([*arguments, "--json"]) == 0
+    proofs = {row["side"]: row for row in json.loads(capsys.readouterr().out)["proofs"]}
+    assert all(row["proved"] for row in proofs.values())
+    assert proofs["negative"]["verdict"] == "proved unstable at once"
+    assert proofs["positive"]["verdict"] == "proved stable at every load up to the limit"
+    assert main(arguments) == 0
+    assert "m = 1, positive loads, a = none: proved stable at every load" in capsys.readouterr().out
+
+
+def test_signs_of_a_map_are_proved_on_request(tmp_path, capsys):
+    map_ = ["map", "--dim", "1", "--m=0:1:2", "--a=-0.1:0.1:4", "--out", str(tmp_path / "map")]
+    assert main([*map_, "--certify"]) == 0
+    assert "proved: 50.0% stable, 50.0% unstable, 0.0% open" in capsys.readouterr().out
+    assert main([*map_, "--certify", "0.01", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["proved"] == {"stable": 0.5, "unstable": 0.5, "open": 0.0}
+    assert main([*map_, "--certify", "0"]) != 0
+    assert "tol must be" in capsys.readouterr().err
+
+
 def test_symbol_prints_the_result_of_the_library(tmp_path, capsys):
     out = tmp_path / "spectrum.png"
     assert main(["symbol", "--m", "0", "--a=-0.02", "--out", str(out), "--json"]) == 0
