@@ -73,6 +73,8 @@ def test_derivative_in_all_constants_of_every_model_is_its_central_difference(na
     F = np.stack([np.eye(dim) + 0.04 * rng.uniform(-1, 1, (dim, dim)) for _ in range(2)])
     constants, rest = eqx.partition((model, F), eqx.is_inexact_array)
     way = jax.tree.map(lambda x: rng.uniform(-1, 1, np.shape(x)) * (0.1 * np.abs(x) + 0.01), constants)
+    if hasattr(model, "r"):  # The margin jumps where the radius r of a sub-family passes a bond, as at r = 1.
+        way = eqx.tree_at(lambda tree: tree[0].r, way, 0.0)
 
     def margin(t):
         moved, G = eqx.combine(jax.tree.map(lambda x, d: x + t * d, constants, way), rest)
