@@ -29,7 +29,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from .._internal.checks import Numbers, namespace
+from .._internal.checks import Numbers, Same, namespace
 
 SYMMETRIES = ("cubic", "tetragonal", "orthorhombic", "inversion")
 
@@ -102,6 +102,11 @@ def brillouin_zone(dim: int, intervals: int, symmetry: str = "inversion") -> Zon
     step = np.pi / intervals
     scaled = tuple(np.pi * (axis / intervals) for axis in axes)  # This order of operations gives exactly π.
     return Zone(np.pi * (index / intervals), members, scaled, places, step, intervals, symmetry)
+
+
+def in_zone(x: Same) -> Same:
+    """The wave x [1/spacing], moved by multiples of 2π into the zone, where it is the same wave."""
+    return x - 2 * np.pi * namespace(x).round(x / (2 * np.pi))
 
 
 def half_reciprocal_points(dim: int) -> np.ndarray:
@@ -186,7 +191,7 @@ def second_best(zone: Zone, screen: Float[Numbers, " waves"]) -> Int[Array | np.
     """
     xp, grid = namespace(screen), zone.grid.astype(screen.dtype)
     best = xp.asarray(grid)[xp.argmax(screen)]
-    away = [x - 2 * np.pi * xp.round(x / (2 * np.pi)) for x in (grid - best, grid + best)]
+    away = [in_zone(x) for x in (grid - best, grid + best)]
     apart = [xp.max(abs(x), axis=1) > 2.5 * zone.step for x in away]
     return xp.argmax(xp.where(apart[0] & apart[1], screen, -xp.inf))
 

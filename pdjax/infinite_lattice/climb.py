@@ -22,7 +22,8 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from .._internal.checks import namespace
-from .cosine_series import Forms
+from .bloch import squared_chord
+from .cosine_series import Forms, Series, forms, packed, upper
 
 # Largest number of steps. From a start next to a maximum 8 to 12 were measured. A start that needs more moves slowly
 # along a ridge, towards a maximum that another start reaches.
@@ -116,3 +117,16 @@ def climb(
         start = jax.lax.while_loop(go_on, body, start)
     x, v, q = start[1][:3]
     return x, v, q
+
+
+def climb_series(
+    blocks: np.ndarray, offsets: np.ndarray, x: np.ndarray, reach: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """`climb` on the concrete series of several states, from waves x (states, lanes, dim) and their softest modes.
+
+    Of the blocks (states, offsets, dim, dim) only the symmetric part counts.
+    """
+    terms, (_, place) = packed(blocks), upper(offsets.shape[1])
+    A = -(squared_chord(x @ offsets.T) @ terms)[..., place]
+    series, no = Series.of(terms, offsets), np.zeros(x.shape[1], bool)
+    return climb(lambda x: forms(series, x, no, no), x, np.linalg.eigh(A)[1][..., -1], reach)

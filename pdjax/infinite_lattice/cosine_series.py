@@ -249,6 +249,15 @@ def on_grid(
     return (cos.T @ even.reshape(flat) - sin.T @ odd.reshape(flat)).reshape(len(box), -1, *even.shape[2:])
 
 
+def works(blocks: np.ndarray, offsets: np.ndarray, x: Numbers, is_long: Numbers, v: Numbers) -> tuple:
+    """(vᵀ Ĵ v, κ²) of every state at its wave x [1/spacing], in the units of the concrete blocks.
+
+    Where `is_long` is True, both are those of the limit k → 0 along x.
+    """
+    c = squared_chord(x @ offsets.T, is_long[:, None])
+    return -np.einsum("so,si,soij,sj->s", c, v, blocks, v), laplacian(x, is_long[:, None])
+
+
 def symbols(blocks: np.ndarray, offsets: np.ndarray, x: np.ndarray) -> np.ndarray:
     """Ĵ (..., dim, dim) of concrete blocks at x = h k (..., dim), computed in NumPy."""
     return _summed(lambda part: -squared_chord(part @ offsets.T), blocks, x)

@@ -37,7 +37,7 @@ from .bloch import homogeneous_tangent
 from .brillouin import Zone, brillouin_zone
 from .cosine_series import series
 from .criteria import CRITERIA, Outcome, evaluate, family_zone, margin_tolerance, verdicts
-from .criteria.certified import check_budget, proved_signs
+from .criteria.certified import check_budget, check_criterion, proved_signs
 from .criteria.critical_load import deformations
 from .criteria.on_host import FROM_STATES, MANY, from_states
 from .lattice_states import States, check_modulus, has_series, modulus_of, offsets_of, resting_modulus
@@ -187,8 +187,7 @@ class StabilityMap:
 def _check_proof(certify: float, criterion: str, model: AbstractModel, mesh: Mesh | None) -> None:
     """Raise ValueError if the signs of a map cannot be proved."""
     check_budget(certify)
-    if criterion != "symbol":
-        raise ValueError(f'certify is for the criterion "symbol", which searches waves; got criterion {criterion!r}')
+    check_criterion(criterion)
     if not (model.hyperelastic and has_series(model)):
         raise ValueError(f"{type(model).__name__} has no energy or no symbol of one family, so no sign can be proved")
     if mesh is not None:

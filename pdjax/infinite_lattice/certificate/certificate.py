@@ -3,6 +3,7 @@
 import equinox as eqx
 import numpy as np
 
+from ..brillouin import in_zone
 from ..lattice_states import States
 from .enclosed import FLOOR, Enclosed
 
@@ -89,7 +90,7 @@ class Certificate(eqx.Module):
 def certificate_of(found: Enclosed, states: States, tol: float, hyperelastic: bool) -> Certificate:
     """The certificate of the only state of `states`."""
     x, mode = found.x[0], found.mode[0]
-    k = np.zeros_like(x) if found.is_long[0] else (x - 2 * np.pi * np.round(x / (2 * np.pi))) / states.spacing
+    k = np.zeros_like(x) if found.is_long[0] else in_zone(x) / states.spacing
     return Certificate(
         lower=float(found.lower[0]),
         upper=float(found.upper[0]),

@@ -10,12 +10,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..climb import climb
-from ..cosine_series import Series, forms, packed
+from ..brillouin import in_zone
+from ..climb import climb_series
+from ..cosine_series import works
 from .enclosure import UNIT
 from .proof import prove
 
 FLOOR = 1e-9  # Smallest width of an enclosure [-]. Rounding takes up to 1e-10 for 3D lattices with N = 3.
+_STEP = np.pi / 4  # longest step of the climb [1/spacing]
 _ROUNDS = 8  # Every round climbs to a higher local maximum. More than two were never seen.
 
 
@@ -42,22 +44,10 @@ class Enclosed(NamedTuple):
 def quotients(blocks: np.ndarray, offsets: np.ndarray, x: np.ndarray, is_long: np.ndarray, mode: np.ndarray):
     """vᵀĴv/κ² of every state at one wave, and a bound of its rounding error, both (states,)."""
     # Any wave gives a lower bound. Near a multiple of 2π rounding would be large relative to κ².
-    x = np.where(is_long[:, None], x, x - 2 * np.pi * np.round(x / (2 * np.pi)))
-    angle = x @ offsets.T
-    c = np.where(is_long[:, None], angle**2, 4 * np.sin(angle / 2) ** 2)
-    kappa = np.where(is_long, (x**2).sum(axis=1), (4 * np.sin(x / 2) ** 2).sum(axis=1))
-    value = -np.einsum("so,si,soij,sj->s", c, mode, blocks, mode) / ((mode**2).sum(axis=1) * kappa)
+    work, kappa2 = works(blocks, offsets, np.where(is_long[:, None], x, in_zone(x)), is_long, mode)
+    value = work / ((mode**2).sum(axis=1) * kappa2)
     size = np.linalg.norm(blocks, axis=(2, 3)) @ np.abs(offsets).sum(axis=1) ** 2
     return value, 4 * (len(offsets) + 64) * UNIT * size
-
-
-def _climbed(blocks: np.ndarray, offsets: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The local maximum (x, mode) of the quotient that is reached from the wave x of every state."""
-    symbol = -np.einsum("so,soij->sij", 4 * np.sin(x @ offsets.T / 2) ** 2, blocks)
-    mode = np.linalg.eigh((symbol + symbol.transpose(0, 2, 1)) / 2)[1][..., -1]
-    series, no = Series.of(packed(blocks), offsets), np.array([False])
-    x, mode, _ = climb(lambda x: forms(series, x, no, no), x[:, None], mode[:, None], np.pi / 4)
-    return x[:, 0], mode[:, 0]
 
 
 def enclose(
@@ -97,5 +87,6 @@ def enclose(
         if not len(open_):
             break
         missed[open_], is_long[open_] = True, False
-        x[open_], mode[open_] = _climbed(blocks[open_], offsets, proof.wave[found])
+        wave, softest, _ = climb_series(blocks[open_], offsets, proof.wave[found][:, None], _STEP)
+        x[open_], mode[open_] = wave[:, 0], softest[:, 0]
     return Enclosed(lower, upper, x, is_long, mode, used, done, missed, regions)

@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..bloch import laplacian, squared_chord
 from ..cosine_series import upper
 from .boxes import Boxes, corners, first_boxes, first_cones, halved, joined
 from .chambers import chambers, meets, signed_permutations, symmetries
@@ -156,7 +157,7 @@ class _Search:
         self._refute(boxes.state, form.c[0], self.claims.error[boxes.state, 0], x)
         curved, excess = self._judged(form)
         nearest = np.pi * np.maximum(np.abs(boxes.center) - boxes.half, 0)
-        kappa = np.maximum(_laplacian(nearest), 4 * np.sin(self.T[boxes.state] / 2) ** 2)
+        kappa = np.maximum(laplacian(nearest), squared_chord(self.T[boxes.state]))
         bound = self.level[boxes.state] + SAFE * excess / kappa
         boxes = boxes._replace(bound=np.minimum(boxes.bound, bound))
         new = self._left(halved(boxes, np.argmax(curved, axis=0)))
@@ -212,7 +213,7 @@ class _Search:
         """Store the waves x (boxes, dim) at which A (entries, boxes) has an eigenvalue above its error (boxes,)."""
         suspect = np.flatnonzero(~is_negative(A[None], -error, self.dim))
         highest = np.linalg.eigvalsh(A[:, suspect].T[:, upper(self.dim)[1]])[:, -1]
-        quotient = self.level[state[suspect]] + highest / _laplacian(x[suspect])
+        quotient = self.level[state[suspect]] + highest / laplacian(x[suspect])
         found = np.where(highest > error[suspect], quotient, -np.inf)
         for i in np.argsort(found):
             s = state[suspect[i]]
@@ -225,11 +226,6 @@ class _Search:
             share = 1.0 if end else 1 - self.volume / self.total
             text = f"\rproof: {self.count.sum()} boxes, {100 * share:3.0f} % of the zone"
             print(text, end="\n" if end else "", file=sys.stderr)
-
-
-def _laplacian(x: np.ndarray) -> np.ndarray:
-    """κ² of waves x (boxes, dim)."""
-    return (4 * np.sin(x / 2) ** 2).sum(axis=1)
 
 
 def _volume(boxes: Boxes) -> float:

@@ -7,6 +7,7 @@ there. A criterion without a search ignores it. To add one, write such a functio
 
 The modules, in the order in which to read them:
 
+    zones            the part of the Brillouin zone to search, for a family and a deformation
     outcome          the result of a criterion, and its verdict
     point            criteria of one point or of one family, without waves
     waves            the criteria "symbol", "affine" and "local"
@@ -31,14 +32,15 @@ from ..._internal.public import public_function
 from ...force.fields import check_model
 from ...geometry.bonds import LatticeFamily
 from ...models.base import AbstractModel
-from ..brillouin import Zone, brillouin_zone, default_intervals, is_judging
+from ..brillouin import Zone, brillouin_zone
 from ..lattice_states import check_at_rest
-from .certified import NOT_TRACED, certified_outcome, check_budget
+from .certified import NOT_TRACED, certified_outcome, check_budget, check_criterion
 from .continuum import continuum
 from .on_host import outcomes
 from .outcome import Outcome, Stability, margin_tolerance, verdicts
 from .point import block, diagonal, material, material_center, material_neighbour
 from .waves import affine, local, symbol
+from .zones import family_zone, kept_symmetry
 
 CRITERIA: dict[str, Callable[..., Outcome]] = {
     "diagonal": diagonal,
@@ -70,30 +72,6 @@ def evaluate(
     if criterion == "symbol":
         return symbol(model, family, F, zone, at, fastest)
     return CRITERIA[criterion](model, family, F, at)
-
-
-def family_zone(family: LatticeFamily, symmetry: str, resolution: int | None) -> Zone:
-    """The Brillouin zone of a family. If `resolution` is None, the horizon of the family sets it."""
-    if resolution is None:
-        resolution = default_intervals(family.reach)
-    elif is_judging() and isinstance(resolution, int):
-        resolution *= 2
-    if not (isinstance(resolution, int) and resolution >= 2):
-        raise ValueError(f"resolution must be an integer >= 2 (grid intervals from 0 to π/h); got {resolution!r}")
-    return brillouin_zone(family.dim, resolution, symmetry)
-
-
-def kept_symmetry(F, family: LatticeFamily, isotropic: bool) -> str:
-    """The symmetry of the deformed lattice, which is "inversion" if F is traced."""
-    if not (family.cubic and isotropic and is_concrete(F)):
-        return "inversion"
-    F = np.asarray(F)
-    stretch = np.diag(F)
-    if (F != np.diag(stretch)).any():
-        return "inversion"
-    if (stretch == stretch[0]).all():
-        return "cubic"
-    return "tetragonal" if (stretch[1:] == stretch[1]).all() else "orthorhombic"
 
 
 @eqx.filter_jit
@@ -221,10 +199,7 @@ def stability(
     certificate = None
     if certify is not None:
         check_budget(certify)
-        if criterion != "symbol":
-            raise ValueError(
-                f'certify is for the criterion "symbol", which searches waves; got criterion {criterion!r}'
-            )
+        check_criterion(criterion)
         if not is_concrete(quiet):
             raise ValueError(NOT_TRACED)
         out, certificate = certified_outcome(quiet_model, quiet_family, np.asarray(quiet_F), zone, certify)

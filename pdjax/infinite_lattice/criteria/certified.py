@@ -7,13 +7,14 @@ from ..._internal.public import public_function
 from ...force.fields import check_model
 from ...geometry.bonds import LatticeFamily
 from ...models.base import AbstractModel
-from ..brillouin import Zone, brillouin_zone, default_intervals
+from ..brillouin import Zone
 from ..certificate.certificate import Certificate, certificate_of
 from ..certificate.enclosed import FLOOR, Enclosed, enclose, quotients
 from ..lattice_states import States, checked_states, has_series
 from .on_host import at_waves, outcomes, searched
 from .outcome import Outcome
 from .waves import Found
+from .zones import family_zone
 
 BOXES = 1_000_000
 _MANY = 256  # states whose proofs run together
@@ -31,6 +32,12 @@ def check_budget(tol: float, boxes: int = 1, seconds: float | None = None) -> No
         raise ValueError(f"boxes must be an integer > 0, the largest number of boxes; got {boxes!r}")
     if seconds is not None and not seconds > 0:
         raise ValueError(f"seconds must be > 0, the time after which the proof ends; got {seconds!r}")
+
+
+def check_criterion(criterion: str) -> None:
+    """Raise ValueError for a criterion whose margin cannot be proved."""
+    if criterion != "symbol":
+        raise ValueError(f'certify is for the criterion "symbol", which searches waves; got criterion {criterion!r}')
 
 
 def certifiable_states(model: AbstractModel, family: LatticeFamily, F: Numbers) -> States:
@@ -95,13 +102,13 @@ def proved_signs(blocks: np.ndarray, offsets: np.ndarray, at: tuple, tol: float,
     margin : array, shape (states,)
         The margins. One that the search has missed is replaced by that of the wave that the proof has found.
     """
-    found = Found(*at)
-    margin, rounding = quotients(blocks, offsets, *(np.asarray(part) for part in at[:3]))
+    waves = [np.asarray(part) for part in at[:3]]
+    margin, rounding = quotients(blocks, offsets, *waves)
     proof = np.where(margin > rounding, 1, 0).astype(np.int8)
     negative = np.flatnonzero(margin < -FLOOR)  # Zero-energy waves cannot be proved stable.
     for start in range(0, len(negative), _MANY):
         some = negative[start : start + _MANY]
-        x, is_long, mode = (np.asarray(part)[some] for part in (found.x, found.is_long, found.mode))
+        x, is_long, mode = (part[some] for part in waves)
         made = enclose(blocks[some], offsets, x, is_long, mode, tol, boxes)
         proof[some] = np.where(made.upper < 0, -1, np.where(made.lower > 0, 1, 0))
         margin[some] = np.where(made.missed, made.lower, margin[some])
@@ -122,10 +129,6 @@ def certified_outcome(
     if made.missed[0]:
         found = found._replace(fast_x=made.x, fast_mode=made.mode)
     return at_waves(found, states, family), certificate
-
-
-def _zone(family: LatticeFamily) -> Zone:
-    return brillouin_zone(family.dim, default_intervals(family.reach))
 
 
 @public_function
@@ -210,6 +213,6 @@ def certify(
     check_budget(tol, boxes, seconds)
     F = deformation_gradient(F, family.dim)
     states = certifiable_states(model, family, F[None])
-    found = searched(states, model, family, _zone(family))
+    found = searched(states, model, family, family_zone(family, "inversion", None))
     made = enclosed_states(states, found, tol, boxes, np.inf if seconds is None else seconds, show_progress, regions)
     return certificate_of(made, states, float(tol), model.hyperelastic)

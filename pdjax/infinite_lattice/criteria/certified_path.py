@@ -22,10 +22,10 @@ from ..certificate.proof import prove
 from ..cosine_series import packed
 from ..lattice_states import STATES, offsets_of
 from ..paths import Path, check_stretch, hydrostatic, is_stretch, named_path, path_symmetry
-from . import family_zone
 from .certified import BOXES, NOT_TRACED, certifiable_states, check_budget
 from .critical_load import SMALLEST, deformations
 from .waves import search_few
+from .zones import family_zone
 
 SAMPLES = 64
 _INTERPOLATION = 1e-14  # Relative error of a series at a node and of a sum of nodes; measured 1e-15.
@@ -126,9 +126,9 @@ class _Prover:
             found.append(F[: len(part)])
         return np.concatenate(found)
 
-    def blocks(self, loads: np.ndarray) -> np.ndarray:
-        """The cosine series (loads, offsets, dim, dim) at up to STATES loads, in units of M/h²."""
-        return certifiable_states(self.model, self.family, self.deformed(loads)).scaled
+    def blocks(self, F: np.ndarray) -> np.ndarray:
+        """The cosine series (states, offsets, dim, dim) of up to STATES states F, in units of M/h²."""
+        return certifiable_states(self.model, self.family, F).scaled
 
     def judged(self, blocks: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Whether the search finds a positive quotient, and whether it finds one that is zero to rounding."""
@@ -159,14 +159,15 @@ def _sampled(prover: _Prover, load: float) -> Found:
     near = np.geomspace(SMALLEST, 0.02, SAMPLES // 4)
     sizes = np.concatenate([near[near < abs(load) / 2], np.linspace(0, abs(load), SAMPLES + 1)[1:]])
     loads = np.sign(load) * np.unique(sizes)
-    exists = np.isfinite(prover.deformed(loads)).all(axis=(1, 2))
+    F = prover.deformed(loads)
+    exists = np.isfinite(F).all(axis=(1, 2))
     ends_at = None
     if not exists.all():
         first = int(np.argmin(exists))
         ends_at, loads = float(loads[first]), loads[:first]
     for start in range(0, len(loads), STATES):
         part = loads[start : start + STATES]
-        blocks = prover.blocks(part)
+        blocks = prover.blocks(F[start : start + len(part)])
         unstable, marginal = prover.judged(blocks)
         first = int(np.argmax(unstable | marginal)) if (unstable | marginal).any() else len(part)
         done = prover.stable(blocks[:first]) if first else np.zeros(0, bool)
@@ -195,7 +196,7 @@ def _continuous(prover: _Prover, load: float, form: LoadForm) -> Found:
     known, scale = np.stack([form.basis(a) for a in nodes]), np.array([form.scale(a) for a in nodes])
     if not (np.isfinite(known).all() and np.isfinite(scale).all()):
         raise ValueError(f"powers of the stretch overflow at the load {load:g}; take a smaller load")
-    series = prover.blocks(nodes) * scale[:, None, None, None]
+    series = prover.blocks(prover.deformed(nodes)) * scale[:, None, None, None]
     sizes = np.linalg.norm(series, axis=(2, 3))
     if not (rest_is_minimum(prover.model, prover.family) or prover.stable(series[:1]).all()):
         unstable, marginal = prover.judged(series[:1])

@@ -15,12 +15,11 @@ import equinox as eqx
 import jax
 import numpy as np
 
-from ..._internal.checks import Numbers, computed_in_double
+from ..._internal.checks import computed_in_double
 from ...geometry.bonds import LatticeFamily
 from ...models.base import AbstractModel
-from ..bloch import laplacian, squared_chord
-from ..brillouin import Zone, brillouin_zone
-from ..cosine_series import packed, reached
+from ..brillouin import Zone, brillouin_zone, in_zone
+from ..cosine_series import packed, reached, works
 from ..lattice_states import STATES, States, check_at_rest, checked_states, has_series, rings
 from .outcome import Outcome, margin_tolerance
 from .second_look import looked_again
@@ -52,13 +51,6 @@ def searched(states: States, model: AbstractModel, family: LatticeFamily, zone: 
     return looked_again(states.scaled, states.offsets, zone, found)
 
 
-def _work(blocks: np.ndarray, offsets: np.ndarray, x: Numbers, is_long: Numbers, v: Numbers) -> tuple:
-    """(vᵀ Ĵ v, κ²) of every state at its wave x [1/spacing], in the units of the blocks."""
-    angle = x @ offsets.T
-    c = squared_chord(angle, is_long[:, None])
-    return -np.einsum("so,si,soij,sj->s", c, v, blocks, v), laplacian(x, is_long[:, None])
-
-
 def from_states(
     criterion: str, model: AbstractModel, family: LatticeFamily, states: States, zone: Zone
 ) -> Outcome | None:
@@ -75,17 +67,16 @@ def _symbol(model: AbstractModel, family: LatticeFamily, states: States, zone: Z
 def at_waves(found: Found, states: States, family: LatticeFamily) -> Outcome:
     """The outcome of the criterion "symbol" at the waves that a search or a proof has found."""
     M, h = states.modulus, states.spacing
-    work, kappa2 = _work(states.blocks, states.offsets, found.x, found.is_long, found.mode)
+    work, kappa2 = works(states.blocks, states.offsets, found.x, found.is_long, found.mode)
     margin = work * h**2 / (M * kappa2)
     never = np.zeros(len(work), bool)
-    growth, _ = _work(states.blocks, states.offsets, found.fast_x, never, found.fast_mode)
+    growth, _ = works(states.blocks, states.offsets, found.fast_x, never, found.fast_mode)
     unstable = margin > margin_tolerance(family.xi.dtype, found.scale)
     eigenvalue = np.where(unstable, growth, np.where(found.is_long, 0.0, work))
     x, mode = (np.where(unstable[:, None], a, b) for a, b in ((found.fast_x, found.x), (found.fast_mode, found.mode)))
     k = np.where((found.is_long & ~unstable)[:, None], 0.0, x)
-    k = k - 2 * np.pi * np.round(k / (2 * np.pi))  # A climb can end in a neighbouring zone, at the same wave.
     direction = x / np.linalg.norm(x, axis=1, keepdims=True)
-    return Outcome(margin, eigenvalue, mode, k / h, direction, found.scale, tuple(found))
+    return Outcome(margin, eigenvalue, mode, in_zone(k) / h, direction, found.scale, tuple(found))
 
 
 def _of_blocks(model: AbstractModel, family: LatticeFamily, states: States, zone: Zone, whole: bool) -> Outcome:

@@ -19,8 +19,8 @@ import numpy as np
 from ..bloch import laplacian, squared_chord
 from ..brillouin import Zone, half_reciprocal_points, largest_eigenvalue
 from ..certificate.enclosed import quotients
-from ..climb import climb
-from ..cosine_series import Series, entries, forms, packed
+from ..climb import climb_series
+from ..cosine_series import entries, packed, works
 from .waves import Found, sampled
 
 DOUBT = 1e-3  # Margins below it [-] are searched again. The false verdicts found had margins below 1e-5.
@@ -40,7 +40,7 @@ def _near_corners(dim: int) -> np.ndarray:
 
 def _crests(blocks: np.ndarray, offsets: np.ndarray, zone: Zone) -> np.ndarray:
     """The waves (_CRESTS, dim) of the best local maxima of the quotient of one state on the grid."""
-    values, _ = sampled(blocks, offsets, zone)
+    values, _ = sampled(packed(blocks), offsets, zone)
     top = largest_eigenvalue(entries(values, offsets.shape[1])) / laplacian(zone.grid)
     shape = [len(axis) + 2 for axis in zone.axes]
     box = np.full(shape, -np.inf)
@@ -58,10 +58,10 @@ def _crests(blocks: np.ndarray, offsets: np.ndarray, zone: Zone) -> np.ndarray:
     return zone.grid[np.resize(best, _CRESTS)]
 
 
-def _best_near_corners(blocks: np.ndarray, offsets: np.ndarray) -> np.ndarray:
-    """The waves (_NEAR, dim) with the largest quotient around the half-reciprocal points, for one state."""
-    x = _near_corners(offsets.shape[1])
-    A = -np.tensordot(squared_chord(x @ offsets.T), blocks, axes=1)
+def _best_near_corners(blocks: np.ndarray, chords: np.ndarray) -> np.ndarray:
+    """The best (_NEAR, dim) of the waves `_near_corners` for one state. `chords` are 4 sin²(o·x/2) of all of them."""
+    x = _near_corners(blocks.shape[-1])
+    A = -np.tensordot(chords, blocks, axes=1)
     quotient = np.linalg.eigvalsh(A)[:, -1] / laplacian(x)
     return x[np.argsort(-quotient)[:_NEAR]]
 
@@ -77,24 +77,14 @@ def looked_again(blocks: np.ndarray, offsets: np.ndarray, zone: Zone, found: Fou
     if not len(doubtful):
         return found
     some = (blocks[doubtful] + blocks[doubtful].transpose(0, 1, 3, 2)) / 2
-    terms = packed(some)
-    x = np.stack(
-        [
-            np.concatenate([_crests(one, offsets, zone), _best_near_corners(whole, offsets)])
-            for one, whole in zip(terms, some, strict=True)
-        ]
-    )
-    A = -np.einsum("slo,soij->slij", squared_chord(x @ offsets.T), some, optimize=True)
-    series, bare = Series.of(terms, offsets), np.zeros(x.shape[1], bool)
-    modes = np.linalg.eigh(A)[1][..., -1]
-    x, mode, q = climb(lambda x: forms(series, x, bare, bare), x, modes, _STEP)
+    chords = squared_chord(_near_corners(offsets.shape[1]) @ offsets.T)
+    x = np.stack([np.concatenate([_crests(B, offsets, zone), _best_near_corners(B, chords)]) for B in some])
+    x, mode, q = climb_series(some, offsets, x, _STEP)
     row, lane = np.arange(len(some)), np.argmax(q, axis=1)
     better = q[row, lane] > value[doubtful]
     at, x, mode = doubtful[better], x[row, lane][better], mode[row, lane][better]
-    growth, fastest = (
-        -np.einsum("so,si,soij,sj->s", squared_chord(y @ offsets.T), v, some[better], v)
-        for y, v in ((x, mode), (arrays.fast_x[at], arrays.fast_mode[at]))
-    )
+    waves, never = ((x, mode), (arrays.fast_x[at], arrays.fast_mode[at])), np.zeros(len(at), bool)
+    growth, fastest = (works(some[better], offsets, y, never, v)[0] for y, v in waves)
     faster = at[growth > fastest]
     arrays.fast_x[faster], arrays.fast_mode[faster] = x[growth > fastest], mode[growth > fastest]
     arrays.x[at], arrays.mode[at], arrays.is_long[at] = x, mode, False

@@ -23,7 +23,7 @@ from ...force.fields import affine_stress
 from ...geometry.bonds import LatticeFamily
 from ...models.base import AbstractModel
 from ..bloch import Phases, homogeneous_tangent, laplacian, long_wave_phases, modulus_at_rest, wave_phases
-from ..brillouin import Zone, class_best, directions, largest_eigenvalue, nudge, second_best, top_pair
+from ..brillouin import Zone, class_best, directions, in_zone, largest_eigenvalue, nudge, second_best, top_pair
 from ..climb import climb
 from ..cosine_series import Forms, Series, entries, forms, on_grid, packed, reached, series, upper
 from . import flutter
@@ -185,7 +185,7 @@ def symbol(
         growth = shape @ tangent(_frozen_angles(wave_phases(family, y / family.spacing))) @ shape
         eigenvalue, k = jnp.where(unstable, growth, eigenvalue), jnp.where(unstable, y, k)
         x, mode = jnp.where(unstable, y, x), jnp.where(unstable, shape, mode)
-    k = k - 2 * jnp.pi * jnp.round(k / (2 * jnp.pi))  # A climb can end in a neighbouring zone, at the same wave.
+    k = in_zone(k)  # A climb can end in a neighbouring zone.
     return Outcome(margin, eigenvalue, mode, k / family.spacing, x / jnp.linalg.norm(x), scale, at)
 
 
