@@ -21,7 +21,7 @@ READERS = {
     ".dump": "lammps_dump",
     ".lammpstrj": "lammps_dump",
     ".vtu": "vtu",
-    ".vtk": "meshes",
+    ".vtk": "legacy_vtk",
     ".msh": "gmsh",
     ".inp": "meshes",
     ".exo": "meshes",
