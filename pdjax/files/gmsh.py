@@ -14,7 +14,7 @@ import numpy as np
 
 from .cells import SECOND_ORDER, SHAPES
 from .contents import Contents, States
-from .meshes import Mesh, contents, fault, readable
+from .meshes import Mesh, contents, fault, places, readable
 
 WHAT = "Gmsh mesh (MSH 2 or 4.1)"
 # Number in the file: name of the type, number of nodes.
@@ -158,7 +158,7 @@ class _Reader:
         elif name in self.views:
             self.views[name].append(self._view(body))
         elif name == "ElementNodeData":
-            self.notes.append("views of the nodes of every element ($ElementNodeData) are left out")
+            self.notes.append("Views of the nodes of every element ($ElementNodeData) are left out.")
 
     def _format(self, body: bytes) -> None:
         line, _, rest = body.partition(b"\n")
@@ -277,19 +277,6 @@ class _Reader:
         return _View(strings[0] if strings else "view", float(reals[0]) if reals else 0.0, tags, values)
 
 
-def _positions(path: Path, tags: np.ndarray, wanted: np.ndarray, what: str) -> np.ndarray:
-    """Where each wanted tag stands among `tags`."""
-    order = np.argsort(tags, kind="stable")
-    ordered = tags[order]
-    if (ordered[1:] == ordered[:-1]).any():
-        raise fault(path, f"{what} {int(ordered[np.flatnonzero(ordered[1:] == ordered[:-1])[0]])} is defined twice")
-    at = np.minimum(np.searchsorted(ordered, wanted), max(len(tags) - 1, 0))
-    if wanted.size and (not len(tags) or (ordered[at] != wanted).any()):
-        lost = int(wanted[ordered[at] != wanted].flat[0]) if len(tags) else int(wanted.flat[0])
-        raise fault(path, f"{what} {lost} is used, but the file does not define it")
-    return order[at]
-
-
 def _mesh(reader: _Reader) -> tuple[Mesh, np.ndarray, np.ndarray]:
     """The mesh, tags of all elements in the file, and the number of the cell that each became."""
     mesh = Mesh(reader.nodes, notes=list(dict.fromkeys(reader.notes)))
@@ -300,7 +287,7 @@ def _mesh(reader: _Reader) -> tuple[Mesh, np.ndarray, np.ndarray]:
     members: list[tuple[str, np.ndarray]] = []
     for name, blocks in parts.items():
         given = np.concatenate([block.nodes for block in blocks])
-        nodes = _positions(reader.path, reader.tags, given.reshape(-1), "node").reshape(given.shape)
+        nodes = places(reader.path, reader.tags, given.reshape(-1), "node").reshape(given.shape)
         number = np.arange(len(nodes))
         if reader.version == 2:  # elements of several groups stand in the file once for each group
             _, once, same = np.unique(nodes, axis=0, return_index=True, return_inverse=True)
@@ -348,9 +335,9 @@ def states(path: Path) -> States:
                         continue
                     values = np.full((total, *view.values.shape[1:]), np.nan)
                     if kind == "NodeData":
-                        where = _positions(path, reader.tags, view.tags, "node")
+                        where = places(path, reader.tags, view.tags, "node")
                     else:
-                        where = cells[_positions(path, tags, view.tags, "element")]
+                        where = cells[places(path, tags, view.tags, "element")]
                     values[where] = view.values
                     fields[view.name] = values
             return contents(now, path)

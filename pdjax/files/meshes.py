@@ -58,6 +58,19 @@ def fault(path: Path, words: str) -> FormatError:
     return FormatError(f"{path.name}: {words}")
 
 
+def places(path: Path, tags: np.ndarray, wanted: np.ndarray, what: str) -> np.ndarray:
+    """Where each wanted tag stands among `tags`."""
+    order = np.argsort(tags, kind="stable")
+    ordered = tags[order]
+    if (ordered[1:] == ordered[:-1]).any():
+        raise fault(path, f"{what} {int(ordered[np.flatnonzero(ordered[1:] == ordered[:-1])[0]])} is defined twice")
+    at = np.minimum(np.searchsorted(ordered, wanted), max(len(tags) - 1, 0))
+    if wanted.size and (not len(tags) or (ordered[at] != wanted).any()):
+        lost = int(wanted[ordered[at] != wanted].flat[0]) if len(tags) else int(wanted.flat[0])
+        raise fault(path, f"{what} {lost} is used, but the file does not define it")
+    return order[at]
+
+
 @dataclass
 class Mesh:
     """A mesh as the readers of the formats give it.
@@ -152,7 +165,7 @@ def _corners(mesh: Mesh, path: Path) -> list[tuple[str, np.ndarray]]:
             f"cells must be vertices, lines, triangles, quadrilaterals, tetrahedra or hexahedra; got {words}."
             " Divide these cells into tetrahedra or triangles in the mesh generator",
         )
-    mesh.notes += [f"{count} cells of type {name} count by their corners" for name, count in sorted(reduced.items())]
+    mesh.notes += [f"{count} cells of type {name} are reduced to their corners." for name, count in sorted(reduced.items())]
     return blocks
 
 
@@ -179,7 +192,7 @@ def _cloud(mesh: Mesh, blocks: list[tuple[str, np.ndarray]], path: Path) -> Cont
         if len(chosen) < len(vertices):
             raise fault(path, f"every point must have one vertex cell; got {len(vertices)} for {len(chosen)} points")
         if len(chosen) < count:
-            notes.append(f"{count - len(chosen)} of {count} nodes are left out, because no vertex cell uses them")
+            notes.append(f"{count - len(chosen)} of {count} nodes are left out, because no vertex cell uses them.")
     order = np.argsort(vertices, kind="stable")
     fields = {name: values[order] for name, values in mesh.cell_fields.items()} if len(vertices) else {}
     fields |= {name: values[chosen] for name, values in mesh.node_fields.items()}
@@ -203,9 +216,9 @@ def _body(mesh: Mesh, blocks: list[tuple[str, np.ndarray]], dim: int, path: Path
     used = np.unique(np.concatenate([corners.reshape(-1) for _, corners in body]))
     unused = len(mesh.nodes) - len(used)
     if dim == 3 and (volumes < 0).any():
-        notes.append(f"{int((volumes < 0).sum())} of {len(volumes)} cells are inverted; they count with |volume|")
+        notes.append(f"{int((volumes < 0).sum())} of {len(volumes)} cells are inverted. Their volume counts without its sign.")
     if dim == 2 and 0 < (turned := int((volumes < 0).sum())) < len(volumes) and not np.ptp(mesh.nodes[used, 2:]):
-        notes.append(f"{turned} of {len(volumes)} cells are numbered clockwise; they count with their positive area")
+        notes.append(f"{turned} of {len(volumes)} cells are numbered clockwise. Their area counts without its sign.")
 
     def at_centroids(values: np.ndarray) -> np.ndarray:
         flat = np.asarray(values, float).reshape(len(values), -1)
@@ -222,7 +235,7 @@ def _body(mesh: Mesh, blocks: list[tuple[str, np.ndarray]], dim: int, path: Path
     fields |= {name: values[number] for name, values in mesh.cell_fields.items()}
     sets = _sets(mesh, blocks, body, dim, number)
     if unused and all(name in SHAPES for name, _ in mesh.blocks):
-        mesh.notes.append(f"{unused} of {len(mesh.nodes)} nodes belong to no cell of the body and are left out")
+        mesh.notes.append(f"{unused} of {len(mesh.nodes)} nodes belong to no cell of the body and are left out.")
     return Contents(
         (at_centroids(mesh.nodes - origin) + origin)[order],
         np.abs(volumes)[order],
@@ -259,7 +272,7 @@ def _measured(
         volumes.append(now.volumes)
         weights.append(now.weights)
         first += len(corners)
-    words = "quadrilaterals are not plane; their area is that of the projection onto the plane of their diagonals"
+    words = "quadrilaterals are not plane. Their area is that of the projection onto the plane of their diagonals."
     return np.concatenate(volumes), weights, [f"{warped} {words}"] if warped else []
 
 

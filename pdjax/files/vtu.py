@@ -164,7 +164,7 @@ def _fields(file: _File, piece: Element, tag: str, count: int, notes: list[str])
             values = file.array(child, count)
             fields[name] = values.reshape(-1, 3, 3) if values.shape[1:] == (9,) else values
         else:
-            notes.append(f"array {name!r} is no array of numbers and is left out")
+            notes.append(f"Array {name!r} is no array of numbers and is left out.")
     return fields
 
 
