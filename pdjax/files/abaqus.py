@@ -14,10 +14,19 @@ from typing import NamedTuple
 import numpy as np
 
 from .contents import Contents, States
-from .meshes import Mesh, contents, fault, places, readable
+from .meshes import Mesh, check_sets, contents, fault, places, readable
 
 WHAT = "Abaqus input file"
-_SOLIDS = {4: "tetrahedron", 8: "hexahedron", 6: "wedge", 5: "pyramid"}
+_SOLIDS = {
+    4: "tetrahedron",
+    10: "tetrahedron10",
+    8: "hexahedron",
+    20: "hexahedron20",
+    27: "hexahedron27",
+    6: "wedge",
+    15: "wedge15",
+    5: "pyramid",
+}
 _PLANES = {3: "triangle", 4: "quadrilateral", 6: "triangle6", 8: "quadrilateral8", 9: "quadrilateral9"}
 # Keywords that make nodes or elements by rules, or read other files.
 _REFUSED = ("INCLUDE", "NGEN", "NFILL", "NCOPY", "NMAP", "ELGEN", "ELCOPY", "SYSTEM")
@@ -66,8 +75,7 @@ def _type(path: Path, block: _Block) -> tuple[str, int]:
         found = re.match(pattern, kind)
         if found:
             nodes = int(found.group(1))
-            word = {"C": "hexahedron", "S": "hexahedron"}.get(kind[0], "hexahedron") if known is _SOLIDS else ""
-            return known.get(nodes, {10: "tetrahedron10", 15: "wedge15"}.get(nodes, f"{word or 'plane'}{nodes}")), nodes
+            return known.get(nodes, kind), nodes
     if found := re.match(r"B[23]([123])", kind):
         return (("line3", 3) if found.group(1) == "2" else ("line", 2))
     if kind in ("MASS", "ROTARYI"):
@@ -81,7 +89,8 @@ class _Reader:
         self.labels: list[int] = []
         self.nodes: list[list[float]] = []
         self.elements: list[tuple[str, np.ndarray]] = []  # type, and rows of element and node numbers
-        self.sets: dict[str, dict[str, tuple[str, list]]] = {"NSET": {}, "ELSET": {}}
+        self.sets: dict[str, dict[str, str]] = {"NSET": {}, "ELSET": {}}  # names by names in capitals
+        self.members: list[tuple[str, str, list]] = []  # keyword, name in capitals, what is added to the set
         self.parts = self.instances = 0
         known = False
         for block in _blocks(path):
@@ -128,7 +137,8 @@ class _Reader:
     def _member(self, kind: str, block: _Block, labels: list) -> None:
         """Add labels to the set that a keyword names. Names differ not by capitals."""
         if name := block.parameters.get(kind):
-            self.sets[kind].setdefault(name.upper(), (name, []))[1].extend(labels)
+            self.sets[kind].setdefault(name.upper(), name)
+            self.members.append((kind, name.upper(), labels))
 
     def _set(self, kind: str, block: _Block) -> None:
         members: list = []
@@ -145,7 +155,7 @@ class _Reader:
                 if word.isdigit():
                     members.append(int(word))
                 elif word.upper() in self.sets[kind]:
-                    members += self.sets[kind][word.upper()][1]
+                    members.append(word.upper())
                 else:
                     raise fault(self.path, f"line {block.line}: a set must name earlier sets or numbers; got {word!r}")
         if kind not in block.parameters:
@@ -167,18 +177,26 @@ class _Reader:
             numbers.append(table[:, 0])
         mesh.numbers = np.concatenate(numbers)
         places(self.path, mesh.numbers, mesh.numbers[:1], "element")  # refuses elements that are defined twice
-        for kind, known, masks in (("NSET", labels, mesh.node_sets), ("ELSET", mesh.numbers, mesh.cell_sets)):
-            for name, members in self.sets[kind].values():
-                masks[name] = _mask(known, members)
+        tables = {"NSET": (labels, mesh.node_sets), "ELSET": (mesh.numbers, mesh.cell_sets)}
+        for kind, (known, _) in tables.items():
+            check_sets(self.path, len(self.sets[kind]), len(known))
+        for kind, name, members in self.members:
+            known, masks = tables[kind]
+            whole = {word: masks[self.sets[kind][word]] for word in members if isinstance(word, str)}
+            mask = _mask(known, members, whole)
+            label = self.sets[kind][name]
+            masks[label] = masks[label] | mask if label in masks else mask
         return mesh
 
 
-def _mask(known: np.ndarray, members: list) -> np.ndarray:
-    """Mask of the numbers that a set lists: single numbers, arrays, and triples (first, last, step)."""
+def _mask(known: np.ndarray, members: list, whole: dict[str, np.ndarray]) -> np.ndarray:
+    """Mask of what a set lists: single numbers, arrays, triples (first, last, step) and masks of other sets."""
     single = [member for member in members if isinstance(member, int)]
     mask = np.isin(known, single)
     for member in members:
-        if isinstance(member, np.ndarray):
+        if isinstance(member, str):
+            mask |= whole[member]
+        elif isinstance(member, np.ndarray):
             mask |= np.isin(known, member)
         elif isinstance(member, tuple):
             first, last, step = member

@@ -15,7 +15,7 @@ import numpy as np
 
 from .cells import SHAPES
 from .contents import Contents, States
-from .meshes import Mesh, contents, fault, readable
+from .meshes import Mesh, check_sets, contents, fault, readable
 
 WHAT = "Exodus II file"
 EXPANSION = 1100  # no compression of netCDF makes more bytes of one
@@ -142,6 +142,8 @@ def _blocks(file: _File, mesh: Mesh) -> list[int]:
             if column < given.shape[1]:
                 volumes.append(given[:, column])
     ends = np.cumsum([0, *sizes])
+    sets = count + _bounded(file, "num_node_sets") + _bounded(file, "num_side_sets")
+    check_sets(file.path, sets, max(int(ends[-1]), len(mesh.nodes)))
     for k, label in enumerate(_labels(file, "eb", count, "block")):
         mesh.cell_sets[label] = np.zeros(ends[-1], bool) | mesh.cell_sets.get(label, False)
         mesh.cell_sets[label][ends[k] : ends[k + 1]] = True

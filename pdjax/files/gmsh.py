@@ -14,7 +14,7 @@ import numpy as np
 
 from .cells import SECOND_ORDER, SHAPES
 from .contents import Contents, States
-from .meshes import Mesh, contents, fault, places, readable
+from .meshes import Mesh, check_sets, contents, fault, places, readable
 
 WHAT = "Gmsh mesh (MSH 2 or 4.1)"
 # Number in the file: name of the type, number of nodes.
@@ -306,6 +306,7 @@ def _mesh(reader: _Reader) -> tuple[Mesh, np.ndarray, np.ndarray]:
                 words = DIMENSIONS[dim] if 0 <= dim < 4 else "group"
                 members.append((reader.names.get((dim, group), f"{words} {group}"), here[mask]))
         first += len(nodes)
+    check_sets(reader.path, len({label for label, _ in members}), first)
     for label, where in members:
         mesh.cell_sets.setdefault(label, np.zeros(first, bool))[where] = True
     mesh.numbers = np.concatenate(numbers)

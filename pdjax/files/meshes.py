@@ -27,6 +27,8 @@ from .contents import Contents
 
 # A cell is degenerate if its volume is smaller than this part of the volume that its longest diagonal allows.
 DEGENERATE = 1e-13
+# Most entries of all masks together, one byte each. A file of a few megabytes can name enough sets to fill any memory.
+MOST_MARKS = 10**9
 VOLUME_NAMES = ("volume", "volumes")
 # A field "set:NAME" of zeros and ones is the set NAME. `pdjax.files.vtk` writes sets so, because VTK has none.
 SET = "set:"
@@ -56,6 +58,12 @@ def readable(path: Path, what: str) -> Iterator[None]:
 def fault(path: Path, words: str) -> FormatError:
     """An error about a file, to raise."""
     return FormatError(f"{path.name}: {words}")
+
+
+def check_sets(path: Path, sets: int, entries: int) -> None:
+    """Raise ValueError if the masks of the sets would take more memory than is reasonable."""
+    if sets * entries > MOST_MARKS:
+        raise fault(path, f"{sets} sets of {entries} entries need {sets * entries:.1e} bytes; at most {MOST_MARKS:.0e} fit")
 
 
 def places(path: Path, tags: np.ndarray, wanted: np.ndarray, what: str) -> np.ndarray:

@@ -29,6 +29,7 @@ READERS = {
     ".ex2": "exodus",
     ".pvd": "series",
     ".series": "series",
+    ".pvtu": "series",
 }
 
 
