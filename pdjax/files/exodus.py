@@ -2,23 +2,30 @@
 
 Element blocks, node sets and side sets become sets. Components such as DISPLX, DISPLY, DISPLZ become one vector DISPL.
 Blocks of spheres are points. Their volume is the attribute "volume", or the second attribute, where Peridigm keeps it.
-The optional package netCDF4 opens the files: `pip install "pdjax[meshes]"`.
+
+Classic netCDF files, the default of most programs, are opened by scipy. Those that are HDF5 inside need the optional
+package netCDF4: `pip install "pdjax[meshes]"`. Open HDF5 files only from sources that you trust: that library can take
+much memory for a damaged file.
 
 Source: Schoof and Yarberry, EXODUS II: A Finite Element Data Model, SAND92-2137 (1994), appendix A.
 """
 
+import contextlib
 import re
+import warnings
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.io import netcdf_file
 
 from .cells import SHAPES
 from .contents import Contents, States
 from .meshes import Mesh, check_sets, contents, fault, readable
 
 WHAT = "Exodus II file"
-EXPANSION = 1100  # no compression of netCDF makes more bytes of one
+EXPANSION = 1100  # the compression of HDF5 makes no more bytes of one; classic files are not compressed
 _SHAPES = {
     "SPHERE": "vertex",
     "CIRCLE": "vertex",
@@ -43,11 +50,11 @@ class _File:
 
     def __init__(self, path: Path, dataset: Any) -> None:
         self.path, self.dataset, self.size = path, dataset, path.stat().st_size
-        dataset.set_auto_maskandscale(False)
 
     def length(self, name: str) -> int:
         """Length of a dimension, 0 if there is none."""
-        return len(self.dataset.dimensions[name]) if name in self.dataset.dimensions else 0
+        dimension = self.dataset.dimensions.get(name, 0)
+        return dimension if isinstance(dimension, int) else len(dimension)
 
     def has(self, name: str) -> bool:
         return name in self.dataset.variables
@@ -57,11 +64,11 @@ class _File:
         if not self.has(name):
             raise fault(self.path, f"an {WHAT} of this kind must have an array {name}; it has none")
         variable = self.dataset.variables[name]
-        shape = variable.shape if row is None else variable.shape[1:]
-        bytes_ = int(np.prod(shape, dtype=object)) * np.dtype(variable.dtype).itemsize
-        if bytes_ > EXPANSION * self.size:
-            raise fault(self.path, f"array {name} announces {bytes_} bytes, but the file has only {self.size}")
-        return np.asarray(variable[:] if row is None else variable[row])
+        count = int(np.prod(variable.shape if row is None else variable.shape[1:], dtype=object))
+        if count > EXPANSION * self.size:
+            raise fault(self.path, f"array {name} announces {count} numbers, but the file has only {self.size} bytes")
+        found = np.array(variable[:] if row is None else variable[row])
+        return found if found.dtype.isnative else found.astype(found.dtype.newbyteorder("="))
 
     def names(self, name: str) -> list[str]:
         """Rows of letters as words. No words if there is no such array."""
@@ -130,7 +137,8 @@ def _blocks(file: _File, mesh: Mesh) -> list[int]:
             sizes.append(0)
             continue
         table = file.array(name).astype(np.int64) - 1
-        kind = str(getattr(file.dataset.variables[name], "elem_type", "") or "nameless")
+        word = getattr(file.dataset.variables[name], "elem_type", "")
+        kind = word.decode("latin-1") if isinstance(word, bytes) else str(word)
         shape = _type(file.path, kind, table.shape[1] if table.ndim == 2 else 1)
         mesh.blocks.append((shape, table.reshape(len(table), -1)))
         sizes.append(len(table))
@@ -204,29 +212,42 @@ def _mesh(file: _File, step: int | None) -> Mesh:
     return mesh
 
 
-def states(path: Path) -> States:
-    """The time steps of an Exodus file. Each loads the mesh and the fields of its step."""
+@contextlib.contextmanager
+def _opened(path: Path) -> Iterator[_File]:
+    """The open file. Raises ValueError if it is damaged, and ImportError if it needs a package."""
+    with path.open("rb") as stream:
+        head = stream.read(8)
+    if head[:4] in (b"CDF\1", b"CDF\2"):
+        dataset = netcdf_file(path, "r", mmap=True)
+        try:
+            yield _File(path, dataset)
+        finally:
+            with warnings.catch_warnings():  # after an error the traceback still refers to arrays of the file
+                warnings.simplefilter("ignore", RuntimeWarning)
+                dataset.close()
+        return
+    if head[:4] != b"CDF\5" and head != b"\x89HDF\r\n\x1a\n":
+        raise fault(path, f"an {WHAT} must be a netCDF file; got a file that starts with {head!r}")
     try:
         import netCDF4
     except ImportError as error:
-        raise ImportError('reading Exodus files needs netCDF4: pip install "pdjax[meshes]"') from error
-    head = path.open("rb").read(8)
-    if head[:3] != b"CDF" and head != b"\x89HDF\r\n\x1a\n":
-        raise fault(path, f"an {WHAT} must be a netCDF file; got a file that starts with {head!r}")
-    with readable(path, WHAT), _dataset(netCDF4, path) as dataset:
-        file = _File(path, dataset)
+        raise ImportError(f'{path.name} is in HDF5, which needs netCDF4: pip install "pdjax[meshes]"') from error
+    try:
+        dataset = netCDF4.Dataset(path)
+    except OSError as error:
+        raise fault(path, f"an {WHAT} must be a complete netCDF file; netCDF4 says: {error}") from error
+    with dataset:
+        dataset.set_auto_maskandscale(False)
+        yield _File(path, dataset)
+
+
+def states(path: Path) -> States:
+    """The time steps of an Exodus file. Each loads the mesh and the fields of its step."""
+    with readable(path, WHAT), _opened(path) as file:
         times = tuple(file.array("time_whole").astype(float).tolist()) if file.has("time_whole") else ()
 
     def at(state: int) -> Contents:
-        with readable(path, WHAT), _dataset(netCDF4, path) as dataset:
-            return contents(_mesh(_File(path, dataset), state if times else None), path)
+        with readable(path, WHAT), _opened(path) as file:
+            return contents(_mesh(file, state if times else None), path)
 
     return States(times, at)
-
-
-def _dataset(netcdf: Any, path: Path) -> Any:
-    """The open file. netCDF reports damage as an OSError, which here is a fault of the file and not of the disk."""
-    try:
-        return netcdf.Dataset(path)
-    except OSError as error:
-        raise fault(path, f"an {WHAT} must be a complete netCDF file; netCDF4 says: {error}") from error

@@ -58,12 +58,20 @@ class _Text:
             raise ValueError(f"{count} numbers are announced, {len(self.numbers) - self.at} follow")
         found = self.numbers[self.at : self.at + count]
         self.at += count
-        return found if kind == "d" else found.astype(np.int64)
+        return found if kind == "d" else _whole(found)
 
     def rows(self, count: int, kinds: str) -> list[np.ndarray]:
         """Columns of a table, one for each letter of `kinds`."""
         table = self.take("d", count * len(kinds)).reshape(count, len(kinds))
-        return [table[:, k] if kind == "d" else table[:, k].astype(np.int64) for k, kind in enumerate(kinds)]
+        return [table[:, k] if kind == "d" else _whole(table[:, k]) for k, kind in enumerate(kinds)]
+
+
+def _whole(numbers: np.ndarray) -> np.ndarray:
+    """Numbers that were read as floats as integers."""
+    if not (np.abs(numbers) < 2.0**53).all():
+        wrong = numbers[np.argmin(np.abs(numbers) < 2.0**53)]
+        raise ValueError(f"counts and numbers of nodes and elements must be whole numbers; got {wrong}")
+    return numbers.astype(np.int64)
 
 
 class _Binary:

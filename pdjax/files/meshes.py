@@ -115,7 +115,8 @@ def contents(mesh: Mesh, path: Path) -> Contents:
     _check_fields(mesh, path)
     blocks = _corners(mesh, path)
     dim = max((SHAPES[shape].dim for shape, corners in blocks if len(corners)), default=0)
-    return _cloud(mesh, blocks, path) if dim == 0 else _body(mesh, blocks, dim, path)
+    with np.errstate(all="ignore"):  # a field may hold NaN, and volumes that overflow are refused
+        return _cloud(mesh, blocks, path) if dim == 0 else _body(mesh, blocks, dim, path)
 
 
 def _with_sets(mesh: Mesh) -> Mesh:
@@ -220,8 +221,12 @@ def _body(mesh: Mesh, blocks: list[tuple[str, np.ndarray]], dim: int, path: Path
     is_body = np.repeat([SHAPES[shape].dim == dim for shape, _ in blocks], sizes).astype(bool)
     body = [(shape, corners) for shape, corners in blocks if SHAPES[shape].dim == dim and len(corners)]
     number = np.flatnonzero(is_body)  # number of a point's cell among all cells of the file
-    volumes, weights, notes = _measured(mesh, body, number, path)
     used = np.unique(np.concatenate([corners.reshape(-1) for _, corners in body]))
+    if not np.isfinite(mesh.nodes[used]).all():
+        lost = int(used[np.argmax(~np.isfinite(mesh.nodes[used]).all(axis=1))])
+        raise fault(path, f"coordinates must be finite; node {lost} (counted from 0) has {mesh.nodes[lost].tolist()}")
+    origin = mesh.nodes[used].mean(axis=0)  # far from the origin, weights that sum to 1 to rounding cost digits
+    volumes, weights, notes = _measured(mesh, body, number, path)
     unused = len(mesh.nodes) - len(used)
     if dim == 3 and (volumes < 0).any():
         notes.append(f"{int((volumes < 0).sum())} of {len(volumes)} cells are inverted. Their volume counts without its sign.")
@@ -233,11 +238,6 @@ def _body(mesh: Mesh, blocks: list[tuple[str, np.ndarray]], dim: int, path: Path
         parts = [np.einsum("ca,cak->ck", w, flat[corners]) for (_, corners), w in zip(body, weights, strict=True)]
         return np.concatenate(parts).reshape(-1, *values.shape[1:])
 
-    if np.isfinite(mesh.nodes[used]).all():
-        origin = mesh.nodes[used].mean(axis=0)  # far from the origin, weights that sum to 1 to rounding cost digits
-    else:
-        lost = int(used[np.argmax(~np.isfinite(mesh.nodes[used]).all(axis=1))])
-        raise fault(path, f"coordinates must be finite; node {lost} has {mesh.nodes[lost].tolist()}")
     order = np.argsort(mesh.numbers[number], kind="stable") if mesh.numbers is not None else np.arange(len(number))
     fields = {name: at_centroids(values) for name, values in mesh.node_fields.items()}
     fields |= {name: values[number] for name, values in mesh.cell_fields.items()}
@@ -265,12 +265,13 @@ def _measured(
         at = nodes[corners]
         now = measured(shape, at)
         reach = np.ptp(at, axis=1).max(axis=1)
-        flat = np.flatnonzero(~(np.abs(now.volumes) > DEGENERATE * reach ** SHAPES[shape].dim))
+        size = np.abs(now.volumes)
+        flat = np.flatnonzero(~((size > DEGENERATE * reach ** SHAPES[shape].dim) & np.isfinite(size)))
         if flat.size:
             cell = int(flat[0])
             raise fault(
                 path,
-                f"every cell must have a volume > 0; cell {numbered(mesh, int(number[first + cell]))}, a {shape} with nodes"
+                f"every cell must have a finite volume > 0; cell {numbered(mesh, int(number[first + cell]))}, a {shape} with nodes"
                 f" {corners[cell].tolist()} (counted from 0), has {now.volumes[cell]:.3g}; {flat.size} cells are such."
                 " Remove them in the mesh generator",
             )

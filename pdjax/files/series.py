@@ -10,6 +10,7 @@ Sources: ParaView, "ParaView Data (PVD) File Format" and "File series", https://
 
 import json
 import math
+from collections import Counter
 from pathlib import Path, PurePosixPath, PureWindowsPath
 
 from . import legacy_vtk, vtu
@@ -52,10 +53,9 @@ def _pvd(path: Path) -> list[tuple[float, str]]:
     if root.get("type") != "Collection" or collection is None:
         raise fault(path, f"a PVD file must hold a Collection; got type {root.get('type')!r}")
     entries = [(float(e.get("timestep") or k), e.get("file") or "") for k, e in enumerate(collection.iter("DataSet"))]
-    times = [time for time, _ in entries]
-    if len(set(times)) < len(times):
-        twice = next(time for k, time in enumerate(times) if time in times[:k])
-        raise fault(path, f"every time must have one file; t = {twice} has several parts. Merge the parts into one file")
+    time, count = Counter(time for time, _ in entries).most_common(1)[0] if entries else (0.0, 0)
+    if count > 1:
+        raise fault(path, f"every time must have one file; t = {time} has {count} parts. Merge the parts into one file")
     return entries
 
 
