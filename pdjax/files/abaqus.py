@@ -14,7 +14,8 @@ from typing import NamedTuple
 import numpy as np
 
 from .contents import Contents, States
-from .meshes import Mesh, check_sets, contents, fault, places, readable
+from .faults import fault, places, readable
+from .meshes import Mesh, check_sets, contents
 
 WHAT = "Abaqus input file"
 _SOLIDS = {
@@ -77,10 +78,12 @@ def _type(path: Path, block: _Block) -> tuple[str, int]:
             nodes = int(found.group(1))
             return known.get(nodes, kind), nodes
     if found := re.match(r"B[23]([123])", kind):
-        return (("line3", 3) if found.group(1) == "2" else ("line", 2))
+        return ("line3", 3) if found.group(1) == "2" else ("line", 2)
     if kind in ("MASS", "ROTARYI"):
         return "vertex", 1
-    raise fault(path, f"line {block.line}: elements must be of a continuum, shell or truss type; got {kind or 'no TYPE'}")
+    raise fault(
+        path, f"line {block.line}: elements must be of a continuum, shell or truss type; got {kind or 'no TYPE'}"
+    )
 
 
 class _Reader:

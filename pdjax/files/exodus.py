@@ -22,7 +22,8 @@ from scipy.io import netcdf_file
 
 from .cells import SHAPES
 from .contents import Contents, States
-from .meshes import Mesh, check_sets, contents, fault, readable
+from .faults import fault, readable
+from .meshes import Mesh, check_sets, contents
 
 WHAT = "Exodus II file"
 EXPANSION = 1100  # the compression of HDF5 makes no more bytes of one; classic files are not compressed

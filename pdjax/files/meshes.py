@@ -7,16 +7,14 @@ Cells
 Clouds
     If a file has no cells, or only vertices, its nodes are the points. A nodal or cell field "volume" is their volume.
 Sets
-    A set of cells (block, physical group, element set) is a mask of its cells. If a group has cells of a lower dimension,
-    such as a physical curve "left" around a surface, its mask holds the cells that have one of these as a facet. These
-    are the cells to support or to load. A cell is in a set of nodes if all its nodes are in the set, or all nodes of
-    one of its facets on the surface of the body.
+    A set of cells (block, physical group, element set) is a mask of its cells. If a group has cells of a lower
+    dimension, such as a physical curve "left" around a surface, its mask holds the cells that have one of these as a
+    facet. These are the cells to support or to load. A cell is in a set of nodes if all its nodes are in the set, or
+    all nodes of one of its facets on the surface of the body.
 
 Coordinates stay as the file gives them: a plane mesh of a format that knows only three coordinates has three.
 """
 
-import contextlib
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -24,6 +22,7 @@ import numpy as np
 
 from .cells import SECOND_ORDER, SHAPES, cells_with, facets, measured, outer
 from .contents import Contents
+from .faults import fault
 
 # A cell is degenerate if its volume is smaller than this part of the volume that its longest diagonal allows.
 DEGENERATE = 1e-13
@@ -34,49 +33,10 @@ VOLUME_NAMES = ("volume", "volumes")
 SET = "set:"
 
 
-class FormatError(ValueError):
-    """A file that cannot be read, with a message that is complete."""
-
-
-@contextlib.contextmanager
-def readable(path: Path, what: str) -> Iterator[None]:
-    """Turn any exception of a parser into a ValueError that names the file and says what was expected of it."""
-    try:
-        yield
-    except (FormatError, OSError, ImportError):
-        raise
-    except MemoryError as error:
-        raise FormatError(f"{path.name} announces more data than the memory of this machine holds") from error
-    except Exception as error:
-        words = str(error) or "no further words"
-        raise FormatError(
-            f"{path.name} must be a complete and valid {what}; the reader stopped with {type(error).__name__}:"
-            f" {words[:300]}. The file may be cut off or damaged: write it again"
-        ) from error
-
-
-def fault(path: Path, words: str) -> FormatError:
-    """An error about a file, to raise."""
-    return FormatError(f"{path.name}: {words}")
-
-
 def check_sets(path: Path, sets: int, entries: int) -> None:
     """Raise ValueError if the masks of the sets would take more memory than is reasonable."""
     if sets * entries > MOST_MARKS:
-        raise fault(path, f"{sets} sets of {entries} entries need {sets * entries:.1e} bytes; at most {MOST_MARKS:.0e} fit")
-
-
-def places(path: Path, tags: np.ndarray, wanted: np.ndarray, what: str) -> np.ndarray:
-    """Where each wanted tag stands among `tags`."""
-    order = np.argsort(tags, kind="stable")
-    ordered = tags[order]
-    if (ordered[1:] == ordered[:-1]).any():
-        raise fault(path, f"{what} {int(ordered[np.flatnonzero(ordered[1:] == ordered[:-1])[0]])} is defined twice")
-    at = np.minimum(np.searchsorted(ordered, wanted), max(len(tags) - 1, 0))
-    if wanted.size and (not len(tags) or (ordered[at] != wanted).any()):
-        lost = int(wanted[ordered[at] != wanted].flat[0]) if len(tags) else int(wanted.flat[0])
-        raise fault(path, f"{what} {lost} is used, but the file does not define it")
-    return order[at]
+        raise fault(path, f"all sets together may have {MOST_MARKS:.0e} entries; got {sets} sets of {entries} entries")
 
 
 @dataclass
@@ -160,8 +120,8 @@ def _corners(mesh: Mesh, path: Path) -> list[tuple[str, np.ndarray]]:
         if wrong.size:
             raise fault(
                 path,
-                f"cell {numbered(mesh, first + int(wrong[0]))} must be made of the {len(mesh.nodes)} nodes of the file, counted from 0;"
-                f" got {corners[wrong[0]].tolist()}",
+                f"cell {numbered(mesh, first + int(wrong[0]))} must be made of the {len(mesh.nodes)} nodes of the file,"
+                f" counted from 0; got {corners[wrong[0]].tolist()}",
             )
         if shape != name:
             reduced[name] = reduced.get(name, 0) + len(nodes)
@@ -174,7 +134,9 @@ def _corners(mesh: Mesh, path: Path) -> list[tuple[str, np.ndarray]]:
             f"cells must be vertices, lines, triangles, quadrilaterals, tetrahedra or hexahedra; got {words}."
             " Divide these cells into tetrahedra or triangles in the mesh generator",
         )
-    mesh.notes += [f"{count} cells of type {name} are reduced to their corners." for name, count in sorted(reduced.items())]
+    mesh.notes += [
+        f"{count} cells of type {name} are reduced to their corners." for name, count in sorted(reduced.items())
+    ]
     return blocks
 
 
@@ -210,9 +172,7 @@ def _cloud(mesh: Mesh, blocks: list[tuple[str, np.ndarray]], path: Path) -> Cont
         sets |= {name: mask[order] for name, mask in mesh.cell_sets.items()}
     name = _volume_name(fields, len(chosen))
     volumes = None if name is None else fields.pop(name).reshape(-1)
-    return Contents(
-        mesh.nodes[chosen], volumes, fields, sets, lambda point: f"node {int(chosen[point])}", tuple(notes)
-    )
+    return Contents(mesh.nodes[chosen], volumes, fields, sets, lambda point: f"node {int(chosen[point])}", tuple(notes))
 
 
 def _body(mesh: Mesh, blocks: list[tuple[str, np.ndarray]], dim: int, path: Path) -> Contents:
@@ -229,7 +189,9 @@ def _body(mesh: Mesh, blocks: list[tuple[str, np.ndarray]], dim: int, path: Path
     volumes, weights, notes = _measured(mesh, body, number, path)
     unused = len(mesh.nodes) - len(used)
     if dim == 3 and (volumes < 0).any():
-        notes.append(f"{int((volumes < 0).sum())} of {len(volumes)} cells are inverted. Their volume counts without its sign.")
+        notes.append(
+            f"{int((volumes < 0).sum())} of {len(volumes)} cells are inverted. Their volume counts without its sign."
+        )
     if dim == 2 and 0 < (turned := int((volumes < 0).sum())) < len(volumes) and not np.ptp(mesh.nodes[used, 2:]):
         notes.append(f"{turned} of {len(volumes)} cells are numbered clockwise. Their area counts without its sign.")
 
@@ -271,9 +233,9 @@ def _measured(
             cell = int(flat[0])
             raise fault(
                 path,
-                f"every cell must have a finite volume > 0; cell {numbered(mesh, int(number[first + cell]))}, a {shape} with nodes"
-                f" {corners[cell].tolist()} (counted from 0), has {now.volumes[cell]:.3g}; {flat.size} cells are such."
-                " Remove them in the mesh generator",
+                f"every cell must have a finite volume > 0; cell {numbered(mesh, int(number[first + cell]))}, a {shape}"
+                f" with nodes {corners[cell].tolist()} (counted from 0), has {now.volumes[cell]:.3g}."
+                f" {flat.size} cells are such. Remove them in the mesh generator",
             )
         if shape == "quadrilateral":
             height = np.einsum("ci,ci->c", np.cross(at[:, 1] - at[:, 0], at[:, 2] - at[:, 0]), at[:, 3] - at[:, 0])
