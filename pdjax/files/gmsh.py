@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .cells import SECOND_ORDER, SHAPES
+from .cells import SECOND_ORDER, SHAPES, keys
 from .contents import Contents, States
 from .faults import fault, places, readable
 from .gmsh_numbers import Binary, Stream, Text
@@ -246,9 +246,9 @@ def _mesh(reader: _Reader) -> tuple[Mesh, np.ndarray, np.ndarray]:
         nodes = places(reader.path, reader.tags, given.reshape(-1), "node").reshape(given.shape)
         number = np.arange(len(nodes))
         if reader.version == 2:  # elements of several groups stand in the file once for each group
-            _, once, same = np.unique(nodes, axis=0, return_index=True, return_inverse=True)
+            _, once, same = np.unique(keys(nodes), return_index=True, return_inverse=True)
             kept = np.sort(once)
-            number = np.searchsorted(kept, once[same.reshape(-1)])
+            number = np.searchsorted(kept, once[same])
             nodes = nodes[kept]
         mesh.blocks.append((name, nodes))
         tags.append(np.concatenate([block.tags for block in blocks]))

@@ -20,7 +20,7 @@ from pathlib import Path
 
 import numpy as np
 
-from .cells import SECOND_ORDER, SHAPES, cells_with, facets, measured, outer
+from .cells import SECOND_ORDER, SHAPES, cells_at, facets, measured, outer
 from .contents import Contents
 from .faults import fault
 
@@ -251,15 +251,13 @@ def _sets(
     mesh: Mesh, blocks: list[tuple[str, np.ndarray]], body: list[tuple[str, np.ndarray]], dim: int, number: np.ndarray
 ) -> dict[str, np.ndarray]:
     """Masks of the points of all sets, by the rules of the module's docstring."""
-    sets = {}
-    for name, mask in mesh.cell_sets.items():
-        chosen, first = mask[number].copy(), 0
-        for shape, corners in blocks:
-            part = mask[first : first + len(corners)]
-            first += len(corners)
-            if SHAPES[shape].dim < dim and part.any():
-                chosen[cells_with(body, shape, corners[part])] = True
-        sets[name] = chosen
+    ends = np.cumsum([0, *(len(corners) for _, corners in blocks)])
+    sets = {name: mask[number].copy() for name, mask in mesh.cell_sets.items()}
+    lower = [k for k, (shape, _) in enumerate(blocks) if SHAPES[shape].dim < dim]
+    for k in lower if sets else []:
+        elements, cells = cells_at(body, *blocks[k])
+        for name, mask in mesh.cell_sets.items():
+            sets[name][cells[mask[ends[k] : ends[k + 1]][elements]]] = True
     if mesh.node_sets:
         counts = {1: (1,), 2: (2,), 3: (3, 4)}[dim]
         surface = [outer(facets(body, dim - 1, count)) for count in counts]

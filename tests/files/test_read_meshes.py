@@ -3,6 +3,7 @@
 import importlib.util
 import itertools
 import shutil
+import sys
 import tracemalloc
 
 import jax
@@ -263,7 +264,6 @@ def test_sets_of_sets_take_no_more_memory_than_their_masks(tmp_path):
 
 
 def test_exodus_files_hold_blocks_sets_and_all_time_steps(tmp_path):
-    pytest.importorskip("netCDF4")
     states = opened(exodus(tmp_path / "plate.exo"))
     assert states.times == (0.0, 0.5, 1.0)
     for step in range(3):
@@ -280,16 +280,26 @@ def test_exodus_files_hold_blocks_sets_and_all_time_steps(tmp_path):
     assert any("block 2" in note for note in contents.notes)
 
 
+def test_exodus_files_of_spheres_are_points_with_their_volumes(tmp_path):
+    points = opened(spheres(tmp_path / "spheres.exo")).at(0)
+    assert points.volumes.tolist() == [1.0, 2.0, 3.0] and points.positions[:, 0].tolist() == [0.0, 1.0, 2.0]
+
+
+def test_without_netcdf4_the_error_says_what_to_install(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "netCDF4", None)
+    (tmp_path / "x.exo").write_bytes(b"\x89HDF\r\n\x1a\n" + bytes(100))
+    with pytest.raises(ImportError, match=r'x\.exo is in HDF5, which needs netCDF4: pip install "pdjax\[meshes\]"'):
+        opened(tmp_path / "x.exo")
+
+
 @NETCDF
-def test_exodus_files_in_hdf5_and_of_spheres_are_read(tmp_path):
+def test_exodus_files_in_hdf5_are_read(tmp_path):
     mesh = box_mesh()
     mesh.cells = mesh.cells[:1]
     mesh.points, mesh.point_data = mesh.points[:12], {"heat": mesh.point_data["heat"][:12]}
     meshio.exodus.write(tmp_path / "box.e", mesh)
     contents = opened(tmp_path / "box.e").at(0)
     assert contents.fields["heat"] == pytest.approx(contents.positions @ [1.0, 2.0, 3.0], abs=1e-14)
-    points = opened(spheres(tmp_path / "spheres.exo")).at(0)
-    assert points.volumes.tolist() == [1.0, 2.0, 3.0] and points.positions[:, 0].tolist() == [0.0, 1.0, 2.0]
 
 
 @pytest.mark.parametrize("head", ["<!DOCTYPE x [<!ENTITY a 'b'>]>", "<!doctype x>"])
