@@ -51,6 +51,7 @@ class _File:
 
     def __init__(self, path: Path, dataset: Any) -> None:
         self.path, self.dataset, self.size = path, dataset, path.stat().st_size
+        self.left = EXPANSION * self.size  # numbers that all arrays together may still announce
 
     def length(self, name: str) -> int:
         """Length of a dimension, 0 if there is none."""
@@ -66,7 +67,8 @@ class _File:
             raise fault(self.path, f"an {WHAT} of this kind must have an array {name}; it has none")
         variable = self.dataset.variables[name]
         count = int(np.prod(variable.shape if row is None else variable.shape[1:], dtype=object))
-        if count > EXPANSION * self.size:
+        self.left -= count
+        if self.left < 0:  # many arrays may refer to the same data
             raise fault(self.path, f"array {name} announces {count} numbers, but the file has only {self.size} bytes")
         found = np.array(variable[:] if row is None else variable[row])
         return found if found.dtype.isnative else found.astype(found.dtype.newbyteorder("="))

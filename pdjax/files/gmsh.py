@@ -290,9 +290,9 @@ def states(path: Path) -> States:
                 ("NodeData", len(mesh.nodes), now.node_fields),
                 ("ElementData", count, now.cell_fields),
             ):
-                for view in reader.views[kind]:
-                    if steps[view.name] > 1 and view.time != times[state]:
-                        continue
+                chosen = [v for v in reader.views[kind] if steps[v.name] == 1 or v.time == times[state]]
+                check_sets(path, sum(view.values[:1].size for view in chosen), total)
+                for view in chosen:
                     values = np.full((total, *view.values.shape[1:]), np.nan)
                     if kind == "NodeData":
                         where = places(path, reader.tags, view.tags, "node")

@@ -26,7 +26,7 @@ from .faults import fault
 
 # A cell is degenerate if its volume is smaller than this part of the volume that its longest diagonal allows.
 DEGENERATE = 1e-13
-# Most entries of all masks together, one byte each. A file of a few megabytes can name enough sets to fill any memory.
+# Most entries of all masks together. A file of a few megabytes can name enough sets to fill any memory.
 MOST_MARKS = 10**9
 VOLUME_NAMES = ("volume", "volumes")
 # A field "set:NAME" of zeros and ones is the set NAME. `pdjax.files.vtk` writes sets so, because VTK has none.
@@ -34,9 +34,9 @@ SET = "set:"
 
 
 def check_sets(path: Path, sets: int, entries: int) -> None:
-    """Raise ValueError if the masks of the sets would take more memory than is reasonable."""
-    if sets * entries > MOST_MARKS:
-        raise fault(path, f"all sets together may have {MOST_MARKS:.0e} entries; got {sets} sets of {entries} entries")
+    """Raise ValueError if sets (or fields) of so many entries would take more memory than is reasonable."""
+    if sets * entries > max(MOST_MARKS, path.stat().st_size):
+        raise fault(path, f"at most {MOST_MARKS:.0e} entries of sets or fields are read; got {sets} of {entries} entries")
 
 
 @dataclass

@@ -59,6 +59,7 @@ class _File:
 
     def __init__(self, path: Path) -> None:
         self.path, body = path, path.read_bytes()
+        self.left = EXPANSION * len(body)  # bytes that all arrays together may still announce
         self.appended, self.raw = b"", False
         opening = re.search(rb"<AppendedData[^>]*>", body)
         if opening:
@@ -124,6 +125,9 @@ class _File:
         if packed > len(data) or announced > EXPANSION * len(data) or (wanted is not None and announced != wanted):
             most = f"{len(data)} bytes of the file are left" if wanted is None else f"it must hold {wanted} bytes"
             raise fault(self.path, f"array {name!r} announces {announced} bytes ({packed} in the file), but {most}")
+        self.left -= announced
+        if self.left < 0:  # many arrays may refer to the same data
+            raise fault(self.path, f"all arrays together announce more than {EXPANSION} times the bytes of the file")
         if not self.compressor:
             return np.frombuffer(_after(data, size, packed, raw), dtype)
         body, at, parts = _after(data, (3 + blocks) * size, packed, raw), 0, []

@@ -314,6 +314,21 @@ def test_xml_with_a_document_type_is_refused(tmp_path, head):
         opened(path).at(0)
 
 
+def test_many_arrays_that_refer_to_the_same_data_are_refused(tmp_path):
+    path = written(tmp_path, np.zeros((10**5, 3)), [])
+    body = path.read_text()
+    array = body[body.index("<DataArray") : body.index("</DataArray>") + 12]  # 2.4 MB of zeros in 3 kB
+    path.write_text(body.replace("</Piece>", "<PointData>" + array * 2 + "</PointData></Piece>"))
+    assert len(opened(path).at(0).positions) == 10**5
+    data = array.split(">")[1].split("<")[0].strip()
+    again = '<DataArray type="Float64" Name="a" NumberOfComponents="3" format="appended" offset="0"/>'
+    tail = f'</UnstructuredGrid><AppendedData encoding="base64">_{data}</AppendedData>'
+    body = body.replace("</Piece>", "<PointData>" + again * 300 + "</PointData></Piece>")
+    path.write_text(body.replace("</UnstructuredGrid>", tail))
+    with pytest.raises(ValueError, match=r"x\.vtu: all arrays together announce more than 1100 times"):
+        opened(path).at(0)
+
+
 HUGE = [
     ("triangles_22_text.msh", b"$Nodes\n", b"$Nodes\n999999999"),
     ("triangles_41_binary.msh", b"$Nodes\n", b"$Nodes\n" + b"\xff\xff\xff\xff\xff\xff\xff\x7f"),
