@@ -36,7 +36,9 @@ SET = "set:"
 def check_sets(path: Path, sets: int, entries: int) -> None:
     """Raise ValueError if sets (or fields) of so many entries would take more memory than is reasonable."""
     if sets * entries > max(MOST_MARKS, path.stat().st_size):
-        raise fault(path, f"at most {MOST_MARKS:.0e} entries of sets or fields are read; got {sets} of {entries} entries")
+        raise fault(
+            path, f"at most {MOST_MARKS:.0e} entries of sets or fields are read; got {sets} of {entries} entries"
+        )
 
 
 @dataclass
@@ -213,6 +215,7 @@ def _body(mesh: Mesh, blocks: list[tuple[str, np.ndarray]], dim: int, path: Path
         {name: mask[order] for name, mask in sets.items()},
         lambda point: f"cell {numbered(mesh, int(number[order[point]]))}",
         tuple(mesh.notes + notes),
+        dim,
     )
 
 

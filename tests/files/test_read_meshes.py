@@ -162,6 +162,19 @@ def test_lines_are_a_body_of_dimension_one(tmp_path):
     assert contents.positions[:, 0].tolist() == [0.5, 2.0] and contents.volumes.tolist() == [1.0, 2.0]
 
 
+def test_contents_tell_the_dimension_of_the_cells(tmp_path):
+    for kind, (_, centroid) in BODIES.items():
+        for path in FOLDER.glob(f"{kind}_[24]*"):
+            assert opened(path).at(0).dim == (3 if centroid[2] else 2)
+    assert opened(SAMPLES["points.vtu"](tmp_path)).at(0).dim is None
+    box = box_mesh()  # one layer of hexahedra is 3D, also where all centroids have the same z
+    layer = meshio.Mesh(box.points * [1, 1, 1], box.cells[:1])
+    layer.points[7] = [1, 0, 1]
+    meshio.vtu.write(tmp_path / "layer.vtu", layer)
+    contents = opened(tmp_path / "layer.vtu").at(0)
+    assert contents.dim == 3 and np.ptp(contents.positions[:, 2]) < 1e-15
+
+
 def test_a_file_without_cells_or_with_vertices_is_a_cloud(tmp_path):
     points, size = [[0, 0, 0], [1, 0, 0], [0, 1, 0]], {"Volume": np.array([1.0, 2.0, 3.0])}
     order = [("vertex", [[2], [0], [1]])]
