@@ -34,8 +34,8 @@ class Contents:
     notes : tuple of str
         What the reader assumed or left out, in sentences.
     dim : int or None
-        Dimension of the cells of a mesh, whose measures are the volumes. One layer of hexahedra is a body in 3D although
-        all its centroids have the same z. None if the file does not tell.
+        Dimension of the cells of a mesh, whose measures are the volumes. One layer of hexahedra is a body in 3D,
+        although all its centroids have the same z. None if the file does not tell.
     """
 
     positions: np.ndarray

@@ -36,9 +36,7 @@ SET = "set:"
 def check_sets(path: Path, sets: int, entries: int) -> None:
     """Raise ValueError if sets (or fields) of so many entries would take more memory than is reasonable."""
     if sets * entries > max(MOST_MARKS, path.stat().st_size):
-        raise fault(
-            path, f"at most {MOST_MARKS:.0e} entries of sets or fields are read; got {sets} of {entries} entries"
-        )
+        raise fault(path, f"at most {MOST_MARKS:.0e} entries of sets or fields are read; got {sets} of {entries}")
 
 
 @dataclass
