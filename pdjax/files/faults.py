@@ -1,6 +1,8 @@
 """Errors of files that cannot be read: what is wrong with the file, in one sentence that names it."""
 
 import contextlib
+import lzma
+import zlib
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -11,6 +13,10 @@ class FormatError(ValueError):
     """A file that cannot be read, with a message that is complete."""
 
 
+# What decoders raise for damaged data. Other exceptions keep their traceback, because they show an error of a reader.
+DECODING = (LookupError, ArithmeticError, EOFError, RuntimeError, zlib.error, lzma.LZMAError)
+
+
 @contextlib.contextmanager
 def readable(path: Path, what: str) -> Iterator[None]:
     """Turn any exception of a parser into a ValueError that names the file and says what was expected of it."""
@@ -18,14 +24,13 @@ def readable(path: Path, what: str) -> Iterator[None]:
         yield
     except (FormatError, OSError, ImportError):
         raise
-    except MemoryError as error:
-        raise FormatError(f"{path.name} announces more data than the memory of this machine holds") from error
+    except MemoryError:
+        raise FormatError(f"{path.name} announces more data than the memory of this machine holds") from None
     except Exception as error:
-        words = str(error) or "no further words"
         raise FormatError(
             f"{path.name} must be a complete and valid {what}; the reader stopped with {type(error).__name__}:"
-            f" {words[:300]}. The file may be cut off or damaged: write it again"
-        ) from error
+            f" {str(error)[:300]}. The file may be cut off or damaged: write it again"
+        ) from (None if isinstance(error, DECODING) else error)
 
 
 def fault(path: Path, words: str) -> FormatError:
