@@ -11,6 +11,7 @@ Source: Schoof and Yarberry, EXODUS II: A Finite Element Data Model, SAND92-2137
 """
 
 import contextlib
+import io
 import re
 import warnings
 from collections.abc import Iterator
@@ -44,6 +45,18 @@ _SHAPES = {
     "HEXAHEDRON": "hexahedron",
 }
 _ENDINGS = {2: ("XY", "xy"), 3: ("XYZ", "xyz")}
+
+
+class _Bounded(io.BufferedReader):
+    """A file whose `read` takes memory for no more bytes than follow. That of Python takes what is asked for."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(io.FileIO(path))
+        self.size = path.stat().st_size
+
+    def read(self, size: int | None = -1) -> bytes:
+        left = max(self.size - self.tell(), 0)
+        return super().read(left if size is None or size < 0 else min(size, left))
 
 
 class _File:
@@ -221,7 +234,7 @@ def _opened(path: Path) -> Iterator[_File]:
     with path.open("rb") as stream:
         head = stream.read(8)
     if head[:4] in (b"CDF\1", b"CDF\2"):
-        dataset = netcdf_file(path, "r", mmap=True)
+        dataset = netcdf_file(_Bounded(path), "r", mmap=True)
         try:
             yield _File(path, dataset)
         finally:
