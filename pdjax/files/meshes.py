@@ -155,7 +155,7 @@ def _volume_name(fields: dict[str, np.ndarray], count: int) -> str | None:
 
 def _cloud(mesh: Mesh, blocks: list[tuple[str, np.ndarray]], path: Path) -> Contents:
     """Nodes as points. Fields of vertex cells go to the nodes of these cells."""
-    count, notes = len(mesh.nodes), list(mesh.notes)
+    count, notes = len(mesh.nodes), list(dict.fromkeys(mesh.notes))
     vertices = np.concatenate([np.empty(0, np.int64), *(corners[:, 0] for _, corners in blocks)])
     chosen = np.arange(count)
     if len(vertices):
@@ -212,7 +212,7 @@ def _body(mesh: Mesh, blocks: list[tuple[str, np.ndarray]], dim: int, path: Path
         {name: values[order] for name, values in fields.items()},
         {name: mask[order] for name, mask in sets.items()},
         lambda point: f"cell {numbered(mesh, int(number[order[point]]))}",
-        tuple(mesh.notes + notes),
+        tuple(dict.fromkeys(mesh.notes + notes)),
         dim,
     )
 
