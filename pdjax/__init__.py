@@ -22,6 +22,8 @@ critical loads, the equilibria and motions of whole bodies, and the derivatives 
     pdjax.optimise           design by gradient, and parameters from measured data
         worst_margin, load_cases, dispersion_error, lattice_time_step, design, pareto_front
         identify, tikhonov, total_variation
+    pdjax.trust              whether a computed state of a body can be trusted
+        audit, audit_states, trust_observer
     pdjax.figures            matplotlib figures of results
     pdjax.files              files for other programs: pdjax.export
     pdjax.studies            the paper of Behzadinasab & Foster: figures, claims, formulas: pdjax.closed_forms
@@ -417,6 +419,13 @@ from .optimise.wave_speeds import moduli_error as moduli_error
 from .studies import closed_forms as closed_forms
 from .tangent.jacobian import jacobian as jacobian
 from .tangent.jacobian import jvp as jvp
+from .trust.audit import Audit as Audit
+from .trust.audit import Finding as Finding
+from .trust.audit import audit as audit
+from .trust.observer import TrustObserver as TrustObserver
+from .trust.observer import trust_observer as trust_observer
+from .trust.series import AuditSeries as AuditSeries
+from .trust.series import audit_states as audit_states
 
 __version__ = _version.VERSION
 Family = LatticeFamily
