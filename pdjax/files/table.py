@@ -6,7 +6,6 @@ encoding does no harm.
 """
 
 import csv
-import io
 import itertools
 import os
 import re
@@ -75,10 +74,10 @@ def is_number(word: str) -> bool:
 
 def _lines(place: Place) -> Iterator[tuple[int, list[str]]]:
     """The line number and the cells of every line of a table that has any."""
-    with open(place.path, "rb") as raw:
-        raw.seek(place.offset)
+    with open(place.path, encoding="latin-1") as text:
+        text.seek(place.offset)
         found = 0
-        for number, line in enumerate(io.TextIOWrapper(raw, "latin-1"), start=place.line):
+        for number, line in enumerate(text, start=place.line):
             line = line.partition("#")[0].strip()
             if line:
                 yield number, [cell.strip() for cell in line.split(place.delimiter)]
@@ -110,12 +109,12 @@ def read_table(place: Place, names: list[str], kept: list[int] | None = None) ->
     """
     fits(place, len(names))
     kept = list(range(len(names))) if kept is None else kept
-    with open(place.path, "rb") as raw, warnings.catch_warnings():
+    with open(place.path, encoding="latin-1") as text, warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # NumPy warns of empty tables and of empty lines
-        raw.seek(place.offset)
+        text.seek(place.offset)
         try:
             values = np.loadtxt(
-                io.TextIOWrapper(raw, "latin-1"),
+                text,
                 ndmin=2,
                 max_rows=place.rows,
                 delimiter=place.delimiter,

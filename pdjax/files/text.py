@@ -97,6 +97,8 @@ def _contents(path: Path) -> Contents:
         if len(kept) < len(names):
             left = ", ".join(names[k] for k in range(len(names)) if k not in kept)
             notes.append(f"Columns that hold words are left out: {left}.")
+    if not kept:
+        raise ValueError(f"{path}, line {place.line}: expected numbers; got {' '.join(cells)!r:.60}")
     values = read_table(place, names, kept)
     if named is None and len(names) == 4 and (values[:, 2] == np.round(values[:, 2])).all():
         raise ValueError(
