@@ -441,6 +441,6 @@ _moved.install()
 def __getattr__(name: str):
     if name == "figures":  # it loads matplotlib
         return _importlib.import_module(".figures", __name__)
-    if name == "export":  # it loads meshio
+    if name == "export":  # few sessions write files
         return _importlib.import_module(".files.vtk", __name__)
     raise AttributeError(f"module 'pdjax' has no attribute {name!r}{_moved.hint(name)}")
