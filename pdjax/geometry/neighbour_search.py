@@ -54,8 +54,8 @@ def in_box(body: Points) -> tuple[np.ndarray, np.ndarray | None]:
     return np.where((box > 0) & (X >= box), 0.0, X), box  # np.mod(-1e-17, 1.0) is 1.0
 
 
-def pairs_within(body: Points, radius: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """All pairs i < j of points within `radius`: i, j and the vectors X_j − X_i, the shortest in a periodic box.
+def search_tree(body: Points, radius: float) -> tuple[Any, np.ndarray, np.ndarray | None]:
+    """The search tree of the points for this radius, with the positions and the lengths of the box by `in_box`.
 
     Raises ValueError if points coincide, or if a periodic box is not longer than twice the radius.
     """
@@ -68,11 +68,25 @@ def pairs_within(body: Points, radius: float) -> tuple[np.ndarray, np.ndarray, n
     if len(near):
         i, j = near[0]
         raise ValueError(f"positions must be distinct; points {i} and {j} coincide ({len(near)} such pairs)")
-    i, j = tree.query_pairs(radius, output_type="ndarray").T
+    return tree, X, box
+
+
+def bond_vectors(body: Points, box: np.ndarray | None, i: np.ndarray, j: np.ndarray) -> np.ndarray:
+    """X_j − X_i [length], the shortest in a periodic box."""
     vectors = body.positions[j] - body.positions[i]
     if box is not None:
         vectors -= box * np.round(vectors / np.where(box > 0, box, np.inf))
-    return i, j, vectors
+    return vectors
+
+
+def pairs_within(body: Points, radius: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """All pairs i < j of points within `radius`: i, j and the vectors X_j − X_i, the shortest in a periodic box.
+
+    Raises ValueError if points coincide, or if a periodic box is not longer than twice the radius.
+    """
+    tree, _, box = search_tree(body, radius)
+    i, j = tree.query_pairs(radius, output_type="ndarray").T
+    return i, j, bond_vectors(body, box, i, j)
 
 
 def _warn_of_cut_shell(cut: CutShell, body: Points, horizon: float) -> None:
