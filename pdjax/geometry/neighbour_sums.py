@@ -9,7 +9,7 @@ The shape tensor here has the influence 1, K = Σ V ξ⊗ξ. It tells whether th
 """
 
 from collections.abc import Iterator
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -22,12 +22,13 @@ FIRST = 1.12  # radius over horizon of the first search: it holds the next shell
 LAST = 1.5  # radius over horizon within which a bond beyond the horizon is looked for
 
 
-class NeighbourSums(NamedTuple):
+@dataclass(frozen=True)
+class NeighbourSums:
     """What `neighbour_sums` finds.
 
-    `count` (points,), `shape` (points, dim, dim) and `piece` (points,) are the number of neighbours, K [length^(2 + dim)]
-    and the number of the connected piece. Piece 0 is the largest one. `lengths` are those of the pairs within 2 % of the
-    horizon, `below` and `above` are the lengths next to the horizon, as in `NeighbourReport`.
+    `count` (points,) is the number of neighbours, `shape` (points, dim, dim) is K [length^(2 + dim)], and `piece`
+    (points,) is the number of the connected piece, where piece 0 is the largest one. `lengths` are those of the pairs
+    within 2 % of the horizon. `below` and `above` are the lengths next to the horizon, as in `NeighbourReport`.
     """
 
     count: np.ndarray

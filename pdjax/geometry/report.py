@@ -158,9 +158,9 @@ class NeighbourReport:
             )
         if self.thin.any():
             found.append(
-                f"{self.thin.sum()} points have bonds that nearly lie in a line or a plane (the eigenvalues of the shape"
-                f" tensor have a ratio below {THIN}); the first is point {np.argmax(self.thin)}. Models that invert the"
-                " shape tensor, such as Correspondence and SethHill, are inaccurate there or refuse the body. Give the"
+                f"{self.thin.sum()} points have bonds that nearly lie in a line or a plane (the eigenvalues of the"
+                f" shape tensor have a ratio below {THIN}); the first is point {np.argmax(self.thin)}. Models that"
+                " invert the shape tensor, such as Correspondence and SethHill, are inaccurate there or refuse the body. Give the"
                 " body more layers of points, use a larger horizon, or use BondBased or LPS."
             )
         found += self._advice_on_volumes()
@@ -190,8 +190,8 @@ class NeighbourReport:
     def __repr__(self) -> str:
         count, V, ratio = self.count, self.volumes, self.shape_ratio
         lines = [
-            f"{len(count)} points in {self.dim}D have {count.sum() // 2} bonds. The horizon is {self.horizon:.6g}, which"
-            f" is {self.horizon / self.spacing:.4g} spacings.",
+            f"{len(count)} points in {self.dim}D have {count.sum() // 2} bonds. The horizon is {self.horizon:.6g},"
+            f" which is {self.horizon / self.spacing:.4g} spacings.",
             f"A point has {count.min()} to {count.max()} neighbours, {np.median(count):g} in the median.",
             f"The longest bond within the horizon has the length {self.below:.6g}, the shortest beyond"
             f" {self.above:.6g}.",
@@ -209,8 +209,8 @@ class NeighbourReport:
             )
         if self.dim > 1:
             lines.append(
-                f"Shape tensors: the smallest ratio of eigenvalues is {ratio.min():.2g}, at point {np.argmin(ratio)}; 0 is"
-                " a family in a line or a plane."
+                f"Shape tensors: the smallest ratio of eigenvalues is {ratio.min():.2g}, at point {np.argmin(ratio)}; 0"
+                " is a family in a line or a plane."
             )
         advice = [f"To do: {sentence}" for sentence in self.advice]
         return "\n".join([*lines, *(advice or ["Nothing needs to be changed."])])

@@ -62,7 +62,7 @@ def test_the_next_shell_is_found_up_to_half_a_horizon_beyond():
 def test_separate_pieces_are_counted_labelled_and_joined_by_the_advised_horizon():
     """A plate, a smaller plate at a distance of 5, and a bar of two points."""
     plate, small = pd.lattice((6, 5)).positions, pd.lattice((3, 3)).positions
-    body = pd.cloud(np.concatenate([small + [10.0, 0.0], plate, [[0.5, 12.5], [1.5, 12.5]]]), 1.0)
+    body = pd.cloud(np.concatenate([small + np.array([10.0, 0.0]), plate, [[0.5, 12.5], [1.5, 12.5]]]), 1.0)
     report = pd.neighbour_report(body, 1.5)
     assert report.pieces == 3 and report.piece_sizes.tolist() == [30, 9, 2]
     assert report.piece.tolist() == [1] * 9 + [0] * 30 + [2] * 2
@@ -108,7 +108,7 @@ def test_a_thin_ligament_is_found_and_named():
     """A line of points between two plates is a place where the shape tensor is singular."""
     left = pd.lattice((5, 5)).positions
     line = np.stack([np.arange(5.5, 15.5), np.full(10, 2.5)], axis=1)
-    body = pd.cloud(np.concatenate([left, line, left + [15.0, 0.0]]), 1.0)
+    body = pd.cloud(np.concatenate([left, line, left + np.array([15.0, 0.0])]), 1.0)
     report = pd.neighbour_report(body, 2.0)
     middle = np.flatnonzero(report.thin)
     assert set(middle) <= set(range(25, 35)) and len(middle) == 8
@@ -124,7 +124,7 @@ def test_volumes_of_another_unit_are_found():
 
 def test_a_horizon_below_the_size_of_some_cells_is_found():
     fine, coarse = pd.lattice((8, 8), 0.25), pd.lattice((4, 4), 1.0)
-    X = np.concatenate([fine.positions, coarse.positions + [2.0, 0.0]])
+    X = np.concatenate([fine.positions, coarse.positions + np.array([2.0, 0.0])])
     report = pd.neighbour_report(pd.cloud(X, np.concatenate([fine.volumes, coarse.volumes])), 1.2)
     (advice,) = report.advice
     assert "16 points have cells that are too large" in advice and "a horizon of 2, two of the largest cells" in advice
