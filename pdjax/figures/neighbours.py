@@ -7,8 +7,9 @@ from matplotlib.figure import Figure
 from .._internal.public import public_function
 from ..geometry.points import Points
 from ..geometry.report import NeighbourReport
-from .charts import SERIES
 from .fields import drawn_layer, field
+
+MARK = "#E8112D"  # red, which is not among the colours of the field
 
 
 @public_function
@@ -53,18 +54,20 @@ def neighbours(points: Points, report: NeighbourReport, title: str = "", cut=Non
     X = points.positions[kept][:, across]
     axes: Any = figure.axes[0]
     marks = {
-        "without neighbours": (report.alone, "x", SERIES[1]),
-        "with bonds in a line or a plane": (report.thin, "+", SERIES[3]),
-        "not in the largest piece": ((report.piece > 0) & ~report.alone, "o", SERIES[2]),
+        "without neighbours": (report.alone, "x"),
+        "with bonds in a line or a plane": (report.thin, "+"),
+        "not in the largest piece": ((report.piece > 0) & ~report.alone, "o"),
     }
-    for words, (mask, marker, colour) in marks.items():
+    for words, (mask, marker) in marks.items():
         some = mask[kept]
         if not some.any():
             continue
         place = (X[some, 0], report.count[some] if points.dim == 1 else X[some, 1])
         label = f"{mask.sum()} point{'s' * bool(mask.sum() > 1)} {words}"
-        look: dict[str, Any] = {"markersize": 6, "markerfacecolor": "none", "clip_on": False}
-        axes.plot(*place, marker, linestyle="", color=colour, label=label, **look)
-    if axes.get_legend_handles_labels()[1]:
+        look: dict[str, Any] = {"markersize": 6, "markeredgewidth": 1.5, "markerfacecolor": "none", "clip_on": False}
+        axes.plot(*place, marker, linestyle="", color=MARK, label=label, **look)
+    lines = len(axes.get_legend_handles_labels()[1])
+    if lines:
+        figure.set_figheight(figure.get_figheight() + 0.25 * lines)
         figure.legend(loc="outside lower center", ncols=1, fontsize=9, frameon=False)
     return figure
