@@ -23,7 +23,8 @@ critical loads, the equilibria and motions of whole bodies, and the derivatives 
         worst_margin, load_cases, dispersion_error, lattice_time_step, design, pareto_front
         identify, tikhonov, total_variation
     pdjax.figures            matplotlib figures of results
-    pdjax.files              files for other programs: pdjax.export
+    pdjax.files              points and fields from files and to files, VTK files: pdjax.export
+        read_points, PointData, write_points
     pdjax.studies            the paper of Behzadinasab & Foster: figures, claims, formulas: pdjax.closed_forms
     pdjax.bench              measurements of speed, and advice on methods: pdjax.advise
 
@@ -43,6 +44,9 @@ from ._internal import version as _version
 from ._internal import xla as _xla
 from ._internal.compilation_cache import use_compilation_cache as use_compilation_cache
 from .bench.advice import advise as advise
+from .files.point_data import PointData as PointData
+from .files.read import read_points as read_points
+from .files.write import write_points as write_points
 from .finite_body import observers as observers
 from .finite_body.conditions import (
     body_force as body_force,
