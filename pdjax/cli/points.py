@@ -28,8 +28,12 @@ def add(jobs: Jobs, formatter: Formatter) -> None:
     )
     job.add_argument("file", help="text, CSV, npz, VTK, Gmsh, Abaqus, Exodus or LAMMPS file")
     job.add_argument("--horizon", type=float, required=True, help="horizon [length of the file]")
-    job.add_argument("--volume", type=float, help="volume of every point [length^dim], if the file has no volumes")
-    job.add_argument("--spacing", type=float, help="spacing of the points, if the file has no volumes [length]")
+    job.add_argument(
+        "--volume",
+        type=_volume,
+        help="volume of every point [length^dim], or lattice for spacing^dim (default: from the file)",
+    )
+    job.add_argument("--spacing", type=float, help="spacing of a lattice [length] (default: from the positions)")
     job.add_argument(
         "--dim", type=int, choices=(1, 2, 3), help="number of coordinates to read (default: from the file)"
     )
@@ -38,12 +42,19 @@ def add(jobs: Jobs, formatter: Formatter) -> None:
     job.add_argument("--out", help="write NAME.png and NAME.vtu (NAME.npz without meshio); default: no files")
 
 
+def _volume(text: str) -> float | str:
+    return text if text == "lattice" else float(text)
+
+
 def run(arguments: argparse.Namespace) -> Job:
     """Read the points, print the report, and write a picture and the fields if a name is given."""
     import pdjax as pd
 
     given = {name: getattr(arguments, name) for name in ("volume", "spacing", "dim")}
-    body, data = pd.read_points(arguments.file, **given, step=arguments.step)
+    try:
+        body, data = pd.read_points(arguments.file, **given, step=arguments.step)
+    except ImportError as error:
+        raise ValueError(str(error)) from error
     report = pd.neighbour_report(body, arguments.horizon)
     out = _results(report) | {"points": len(body), "dim": body.dim, "notes": list(data.notes)}
     name = None if arguments.out is None else str(writable(Path(arguments.out).with_suffix(".png")).with_suffix(""))

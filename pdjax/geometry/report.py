@@ -160,7 +160,7 @@ class NeighbourReport:
             found.append(
                 f"{self.thin.sum()} points have bonds that nearly lie in a line or a plane (the eigenvalues of the"
                 f" shape tensor have a ratio below {THIN}); the first is point {np.argmax(self.thin)}. Models that"
-                " invert the shape tensor, such as Correspondence and SethHill, are inaccurate there or refuse the body."
+                " invert the shape tensor, such as Correspondence and SethHill, are inaccurate or refuse the body."
                 " Give the body more layers of points, use a larger horizon, or use BondBased or LPS."
             )
         found += self._advice_on_volumes()
