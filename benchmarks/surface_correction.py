@@ -38,7 +38,7 @@ def models(dim: int) -> dict[str, pd.AbstractModel]:
     found = {
         f"LPS ν={nu:g}": pd.LPS.from_young(1.0, nu, dim, plane) for nu in ((0.0, 0.25, 0.4) if dim == 2 else (0.25,))
     }
-    return found | {"bond-based": pd.BondBased(1.0)}
+    return {**found, "bond-based": pd.BondBased(1.0)}
 
 
 def one(shape: tuple[int, ...], model: pd.AbstractModel, how: dict) -> dict:

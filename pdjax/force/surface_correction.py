@@ -154,9 +154,10 @@ def surface_correction(
     cloud the factors also correct the error of the sums as integrals, so they are not exactly 1 in the interior. ω of a
     full family is interpolated between the lengths of the bonds that the body has.
 
-    Of a plate of 10 × 30 points that is pulled at its ends (N = 3.015), the strain in the middle is wrong by +6.0 %
-    with bond-based bonds, by −9.1 % with "volume", by −3.0 % with one pass of "energy" and by −1.1 % with three. With
-    LPS and ν = ¼ (plane stress) the errors are −10.8 %, −12.4 %, −5.2 % and −1.7 %: "volume" makes LPS worse.
+    The strain in the middle of a plate of 30 × 10 points that is pulled at its ends (horizon 3.015 spacings) has an
+    error of +6.0 % with `BondBased`, −9.0 % with "volume", −2.9 % with one pass of "energy" and −1.1 % with three. For
+    `LPS` in plane stress with ν = ¼ the errors are −10.8 %, −12.4 %, −5.1 % and −1.6 %. The error falls with the width
+    of the plate (benchmarks/surface_correction.py).
 
     Correspondence models need no correction, because their mean deformation gradient is exact for affine maps at
     surfaces too. Do not combine the correction with `BondBased.from_family(bulk, families)`, whose micromoduli are
