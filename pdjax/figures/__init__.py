@@ -4,7 +4,7 @@
 function uses pyplot or another global state of matplotlib: `figure.savefig(path)` writes the picture.
 
     maps and lattices  stability_map, dispersion, dispersion_curves, model_atlas
-    bodies             scene, field, bars
+    bodies             scene, field, bars, neighbours
     motions            motion, cuboid, animation
     designs            pareto_front
     text               table
@@ -16,6 +16,7 @@ from .charts import COLOURS, LABELS, SERIES, STYLES, BarCase, bars, dispersion, 
 from .fields import field, scene
 from .fronts import pareto_front
 from .motions import Branch, animation, cuboid, dispersion_curves, motion
+from .neighbours import neighbours
 from .tables import table
 
 __all__ = [
@@ -33,6 +34,7 @@ __all__ = [
     "field",
     "model_atlas",
     "motion",
+    "neighbours",
     "pareto_front",
     "scene",
     "stability_map",

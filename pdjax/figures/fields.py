@@ -81,7 +81,7 @@ def _sides(points: Points) -> np.ndarray:
     return np.broadcast_to(points.spacing or points.volumes ** (1 / points.dim), (len(points),))
 
 
-def _layer(points: Points, cut: Any) -> tuple[np.ndarray, tuple[int, ...], str]:
+def drawn_layer(points: Points, cut: Any) -> tuple[np.ndarray, tuple[int, ...], str]:
     """Which points are drawn (points,), the axes of the picture, and the layer in words."""
     dim = points.dim
     if dim < 3:
@@ -228,7 +228,7 @@ def field(points: Points, values, u=None, title: str = "", label: str = "", comp
     """
     values, place = _checked(points, values, u)
     shown, name = _component(values, component, points.dim)
-    kept, across, layer = _layer(points, cut)
+    kept, across, layer = drawn_layer(points, cut)
     label = ", ".join(word for word in (label, name) if word)
     if points.dim == 1:
         return _curve(place[:, 0], shown, u is not None, title, label)
