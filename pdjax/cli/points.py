@@ -2,15 +2,16 @@
 
 import argparse
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .._internal.checks import writable, written_whole
+from .._internal.checks import writable
 from .._internal.pictures import write_picture
 from .common import Formatter, Job, Jobs
 
 if TYPE_CHECKING:
+    from ..files.point_data import PointData
     from ..geometry.points import Points
     from ..geometry.report import NeighbourReport
 
@@ -26,6 +27,11 @@ def add(jobs: Jobs, formatter: Formatter) -> None:
         description="Read points from a file and report what to know before a calculation: the numbers of neighbours,"
         "\nisolated points, separate pieces, thin places, volumes, and bonds as long as the horizon.",
     )
+    add_reading(job)
+
+
+def add_reading(job: argparse.ArgumentParser) -> None:
+    """Add the arguments of a command that reads points from a file."""
     job.add_argument("file", help="text, CSV, npz, VTK, Gmsh, Abaqus, Exodus or LAMMPS file")
     job.add_argument("--horizon", type=float, required=True, help="horizon [length of the file]")
     job.add_argument(
@@ -37,9 +43,21 @@ def add(jobs: Jobs, formatter: Formatter) -> None:
     job.add_argument(
         "--dim", type=int, choices=(1, 2, 3), help="number of coordinates to read (default: from the file)"
     )
-    job.add_argument("--step", type=int, default=-1, help="state of a file that holds several (default: the last)")
+    job.add_argument("--step", type=int, help="state of a file that holds several, from 0 (-1: the last)")
     job.add_argument("--json", action="store_true", help="print the results as one JSON object")
-    job.add_argument("--out", help="write NAME.png and NAME.vtu (NAME.npz without meshio); default: no files")
+    job.add_argument("--out", help="write NAME.png and NAME.vtu; default: no files")
+
+
+def read(arguments: argparse.Namespace) -> "tuple[Points, PointData]":
+    """The points and the data of the file that the arguments name."""
+    import pdjax as pd
+
+    given = {name: getattr(arguments, name) for name in ("volume", "spacing", "dim")}
+    step = -1 if arguments.step is None else arguments.step
+    try:
+        return pd.read_points(arguments.file, **given, step=step)
+    except ImportError as error:
+        raise ValueError(str(error)) from error
 
 
 def _volume(text: str) -> float | str:
@@ -50,11 +68,7 @@ def run(arguments: argparse.Namespace) -> Job:
     """Read the points, print the report, and write a picture and the fields if a name is given."""
     import pdjax as pd
 
-    given = {name: getattr(arguments, name) for name in ("volume", "spacing", "dim")}
-    try:
-        body, data = pd.read_points(arguments.file, **given, step=arguments.step)
-    except ImportError as error:
-        raise ValueError(str(error)) from error
+    body, data = read(arguments)
     report = pd.neighbour_report(body, arguments.horizon)
     out = _results(report) | {"points": len(body), "dim": body.dim, "notes": list(data.notes)}
     name = None if arguments.out is None else str(writable(Path(arguments.out).with_suffix(".png")).with_suffix(""))
@@ -88,13 +102,7 @@ def _results(report: "NeighbourReport") -> dict:
 def _files(name: str, body: "Points", report: "NeighbourReport") -> str:
     import pdjax as pd
 
-    try:
-        data = pd.export.write_vtk(body, path=name, fields=report.fields)
-    except ImportError:
-        data = Path(f"{name}.npz")
-        with written_whole(data) as stream:
-            arrays: dict[str, Any] = {"positions": body.positions, "volume": body.volumes, **report.fields}
-            np.savez(stream, **arrays)
+    data = pd.export.write_vtk(body, path=name, fields=report.fields)
     if len(body) > MOST_DRAWN and body.dim > 1:
         return f"wrote {data}, and no picture, because {len(body)} points are more than {MOST_DRAWN}"
     picture = Path(f"{name}.png")

@@ -5,6 +5,7 @@ function uses pyplot or another global state of matplotlib: `figure.savefig(path
 
     maps and lattices  stability_map, dispersion, dispersion_curves, model_atlas
     bodies             scene, field, bars, neighbours
+    audits             audit, audit_states
     motions            motion, cuboid, animation
     designs            pareto_front
     text               table
@@ -12,6 +13,7 @@ function uses pyplot or another global state of matplotlib: `figure.savefig(path
 """
 
 from .atlas import model_atlas
+from .audits import audit, audit_states
 from .charts import COLOURS, LABELS, SERIES, STYLES, BarCase, bars, dispersion, stability_map
 from .fields import field, scene
 from .fronts import pareto_front
@@ -27,6 +29,8 @@ __all__ = [
     "BarCase",
     "Branch",
     "animation",
+    "audit",
+    "audit_states",
     "bars",
     "cuboid",
     "dispersion",

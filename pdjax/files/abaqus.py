@@ -77,10 +77,12 @@ def _type(path: Path, block: _Block) -> tuple[str, int]:
             nodes = int(found.group(1))
             return known.get(nodes, kind), nodes
     if found := re.match(r"B[23]([123])", kind):
-        return (("line3", 3) if found.group(1) == "2" else ("line", 2))
+        return ("line3", 3) if found.group(1) == "2" else ("line", 2)
     if kind in ("MASS", "ROTARYI"):
         return "vertex", 1
-    raise fault(path, f"line {block.line}: elements must be of a continuum, shell or truss type; got {kind or 'no TYPE'}")
+    raise fault(
+        path, f"line {block.line}: elements must be of a continuum, shell or truss type; got {kind or 'no TYPE'}"
+    )
 
 
 class _Reader:

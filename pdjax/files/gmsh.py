@@ -338,7 +338,10 @@ def states(path: Path) -> States:
         now = Mesh(mesh.nodes, mesh.blocks, cell_sets=mesh.cell_sets, notes=mesh.notes, numbers=mesh.numbers)
         count = sum(len(nodes) for _, nodes in mesh.blocks)
         with readable(path, WHAT):
-            for kind, total, fields in (("NodeData", len(mesh.nodes), now.node_fields), ("ElementData", count, now.cell_fields)):
+            for kind, total, fields in (
+                ("NodeData", len(mesh.nodes), now.node_fields),
+                ("ElementData", count, now.cell_fields),
+            ):
                 for view in reader.views[kind]:
                     if steps[view.name] > 1 and view.time != times[state]:
                         continue

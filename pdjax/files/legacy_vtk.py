@@ -162,7 +162,9 @@ class _Reader:
             flat, begins, place = nodes.tolist(), [], 0
             for _ in range(count):
                 if place >= len(flat) or flat[place] < 0:
-                    raise fault(self.path, f"{name} announces {count} cells, but its list of {size} numbers ends before")
+                    raise fault(
+                        self.path, f"{name} announces {count} cells, but its list of {size} numbers ends before"
+                    )
                 begins.append(place + 1)
                 place += flat[place] + 1
             starts = np.array(begins, np.int64)
@@ -171,7 +173,12 @@ class _Reader:
         self.ends = np.concatenate([self.ends, ends + len(self.nodes)])
         self.nodes = np.concatenate([self.nodes, nodes])
         if name in _POLYGONS:
-            kinds = {"VERTICES": (2, {}), "LINES": (4, {2: 3}), "POLYGONS": (7, {3: 5, 4: 9}), "TRIANGLE_STRIPS": (6, {})}
+            kinds = {
+                "VERTICES": (2, {}),
+                "LINES": (4, {2: 3}),
+                "POLYGONS": (7, {3: 5, 4: 9}),
+                "TRIANGLE_STRIPS": (6, {}),
+            }
             other, known = kinds[name]
             types = np.full(len(starts), other)
             for length, number in known.items():
@@ -181,11 +188,15 @@ class _Reader:
     def finished(self) -> Mesh:
         types = np.empty(0, np.int64) if self.types is None else self.types
         if len(types) != len(self.starts):
-            raise fault(self.path, f"CELL_TYPES must list a type for each of the {len(self.starts)} cells; got {len(types)}")
+            raise fault(
+                self.path, f"CELL_TYPES must list a type for each of the {len(self.starts)} cells; got {len(types)}"
+            )
         self.mesh.blocks, self.mesh.numbers = blocks_of(self.path, types, self.starts, self.ends, self.nodes)
         for name, values in self.mesh.cell_fields.items():
             if len(values) != len(types):
-                raise fault(self.path, f"field {name!r} must have a value for each of the {len(types)} cells; got {len(values)}")
+                raise fault(
+                    self.path, f"field {name!r} must have a value for each of the {len(types)} cells; got {len(values)}"
+                )
         self.mesh.cell_fields = {n: values[self.mesh.numbers] for n, values in self.mesh.cell_fields.items()}
         return self.mesh
 

@@ -63,7 +63,9 @@ def fault(path: Path, words: str) -> FormatError:
 def check_sets(path: Path, sets: int, entries: int) -> None:
     """Raise ValueError if the masks of the sets would take more memory than is reasonable."""
     if sets * entries > MOST_MARKS:
-        raise fault(path, f"{sets} sets of {entries} entries need {sets * entries:.1e} bytes; at most {MOST_MARKS:.0e} fit")
+        raise fault(
+            path, f"{sets} sets of {entries} entries need {sets * entries:.1e} bytes; at most {MOST_MARKS:.0e} fit"
+        )
 
 
 def places(path: Path, tags: np.ndarray, wanted: np.ndarray, what: str) -> np.ndarray:
@@ -174,7 +176,9 @@ def _corners(mesh: Mesh, path: Path) -> list[tuple[str, np.ndarray]]:
             f"cells must be vertices, lines, triangles, quadrilaterals, tetrahedra or hexahedra; got {words}."
             " Divide these cells into tetrahedra or triangles in the mesh generator",
         )
-    mesh.notes += [f"{count} cells of type {name} are reduced to their corners." for name, count in sorted(reduced.items())]
+    mesh.notes += [
+        f"{count} cells of type {name} are reduced to their corners." for name, count in sorted(reduced.items())
+    ]
     return blocks
 
 
@@ -210,9 +214,7 @@ def _cloud(mesh: Mesh, blocks: list[tuple[str, np.ndarray]], path: Path) -> Cont
         sets |= {name: mask[order] for name, mask in mesh.cell_sets.items()}
     name = _volume_name(fields, len(chosen))
     volumes = None if name is None else fields.pop(name).reshape(-1)
-    return Contents(
-        mesh.nodes[chosen], volumes, fields, sets, lambda point: f"node {int(chosen[point])}", tuple(notes)
-    )
+    return Contents(mesh.nodes[chosen], volumes, fields, sets, lambda point: f"node {int(chosen[point])}", tuple(notes))
 
 
 def _body(mesh: Mesh, blocks: list[tuple[str, np.ndarray]], dim: int, path: Path) -> Contents:
@@ -229,7 +231,9 @@ def _body(mesh: Mesh, blocks: list[tuple[str, np.ndarray]], dim: int, path: Path
     volumes, weights, notes = _measured(mesh, body, number, path)
     unused = len(mesh.nodes) - len(used)
     if dim == 3 and (volumes < 0).any():
-        notes.append(f"{int((volumes < 0).sum())} of {len(volumes)} cells are inverted. Their volume counts without its sign.")
+        notes.append(
+            f"{int((volumes < 0).sum())} of {len(volumes)} cells are inverted. Their volume counts without its sign."
+        )
     if dim == 2 and 0 < (turned := int((volumes < 0).sum())) < len(volumes) and not np.ptp(mesh.nodes[used, 2:]):
         notes.append(f"{turned} of {len(volumes)} cells are numbered clockwise. Their area counts without its sign.")
 

@@ -40,7 +40,9 @@ def states(path: Path) -> States:
 
     def at(state: int) -> Contents:
         if not files[state].is_file():
-            raise FileNotFoundError(f"{path.name} names {files[state].name}, and there is no such file in {path.parent}")
+            raise FileNotFoundError(
+                f"{path.name} names {files[state].name}, and there is no such file in {path.parent}"
+            )
         return READERS[files[state].suffix.lower()].states(files[state]).at(0)
 
     return States(tuple(time for time, _ in entries), at)

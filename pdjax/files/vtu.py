@@ -16,7 +16,6 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 
-from .cells import SHAPES
 from .contents import States
 from .meshes import Mesh, contents, fault, readable
 from .xml import parsed
@@ -46,7 +45,11 @@ TYPES: dict[int, tuple[str, int, tuple[int, ...]]] = {
 OTHER_TYPES = {4: "polyline", 6: "triangle strip", 7: "polygon", 42: "polyhedron"}
 # zlib makes at most 1032 bytes of one. An array that announces more is refused before memory is taken for it.
 EXPANSION = 1100
-_NUMBERS = {f"{kind}{size}": f"{letter}{size // 8}" for kind, letter in (("Int", "i"), ("UInt", "u")) for size in (8, 16, 32, 64)}
+_NUMBERS = {
+    f"{kind}{size}": f"{letter}{size // 8}"
+    for kind, letter in (("Int", "i"), ("UInt", "u"))
+    for size in (8, 16, 32, 64)
+}
 _NUMBERS |= {"Float32": "f4", "Float64": "f8"}
 
 
@@ -98,7 +101,9 @@ class _File:
         values = values.astype(dtype.newbyteorder("="))
         return values.reshape(-1, width) if width > 1 else values
 
-    def _decoded(self, name: str, data: bytes | memoryview, raw: bool, dtype: np.dtype, total: int | None) -> np.ndarray:
+    def _decoded(
+        self, name: str, data: bytes | memoryview, raw: bool, dtype: np.dtype, total: int | None
+    ) -> np.ndarray:
         """Numbers of a coded array: a head with sizes in bytes, then the data."""
         wanted = None if total is None else total * dtype.itemsize
         blocks, size = 1, self.header.itemsize
@@ -130,7 +135,9 @@ class _File:
         machine = zlib.decompressobj() if zipped else lzma.LZMADecompressor(memlimit=2**28)
         out = machine.decompress(block, size + 1)
         if len(out) != size:
-            raise fault(self.path, f"a block of array {name!r} must expand to {size} bytes; it gives {len(out)} or more")
+            raise fault(
+                self.path, f"a block of array {name!r} must expand to {size} bytes; it gives {len(out)} or more"
+            )
         return out
 
 
@@ -168,7 +175,9 @@ def _fields(file: _File, piece: Element, tag: str, count: int, notes: list[str])
     return fields
 
 
-def blocks_of(path: Path, types: np.ndarray, starts: np.ndarray, ends: np.ndarray, nodes: np.ndarray) -> tuple[list, np.ndarray]:
+def blocks_of(
+    path: Path, types: np.ndarray, starts: np.ndarray, ends: np.ndarray, nodes: np.ndarray
+) -> tuple[list, np.ndarray]:
     """Cells of VTK by type, and the number of each. Cell k has the nodes from starts[k] to ends[k]."""
     if (ends < starts).any() or (len(ends) and (starts.min() < 0 or ends.max() > len(nodes))):
         raise fault(path, f"cells must lie in the list of the {len(nodes)} nodes of all cells; offsets are damaged")
@@ -234,7 +243,10 @@ def _joined(pieces: list[Mesh]) -> Mesh:
         numbers.append(piece.numbers + cells)
         first, cells = first + len(piece.nodes), cells + len(piece.numbers)
     whole.numbers = np.concatenate(numbers)
-    for mine, of in ((whole.node_fields, [p.node_fields for p in pieces]), (whole.cell_fields, [p.cell_fields for p in pieces])):
+    for mine, of in (
+        (whole.node_fields, [p.node_fields for p in pieces]),
+        (whole.cell_fields, [p.cell_fields for p in pieces]),
+    ):
         for name in of[0]:
             if all(name in fields for fields in of):
                 mine[name] = np.concatenate([fields[name] for fields in of])

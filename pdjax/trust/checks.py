@@ -8,7 +8,8 @@ a line to `POINT_CHECKS` or `BODY_CHECKS`.
     collapse          det F̄ below 0.2                             det F̄ ≤ 0
     instability       margin > 0, but growth below e              growth by e or more while a wave crosses the body
     critical load     critical factor below 1.2                   –
-    zero-energy mode  zero_energy above 0.1                       above 0.3 and neighbours alternate (> 0.3)
+    zero-energy mode  share above 0.01 if neighbours alternate    share above 0.1 if neighbours alternate
+                      (alternation > 0.3), above 0.1 if not
     shape tensor      ratio of its eigenvalues below 0.02         –
     saddle            positive eigenvalue with a smooth mode      with supports, or a mode that alternates
     forces            forces differ from the file's by 1e-6       by 1e-2
@@ -16,6 +17,9 @@ a line to `POINT_CHECKS` or `BODY_CHECKS`.
 **Growth.** A wave of margin μ > 0 grows at most at the rate √μ · 2√dim/h · c, where c is the speed of P-waves. While
 such a wave crosses a body of length L, a perturbation grows by the factor exp(√μ · 2√dim · L/h). A margin so small that
 this factor stays below e is harmless in a short motion, but not in a state of rest.
+
+**Amplitudes.** A share is quadratic in the amplitude. On a lattice with N = 3, neighbours that alternate with ±20 % of
+the strain have a share of about 0.01, and ±60 % one of about 0.1.
 
 **Where strains are small**, two small energies have any quotient. The check of zero-energy modes therefore divides P by
 P + W with the larger of W(U) of the point and its mean over the body.
@@ -32,7 +36,7 @@ from .point_measures import PointMeasures
 
 ALTERNATES = 0.3
 COLLAPSING, NEAR_CRITICAL, THIN = 0.2, 1.2, 0.02
-ZERO_ENERGY = 0.1, 0.3
+ALTERNATING, VARYING = (0.01, 0.1), 0.1
 FORCES = 1e-6, 1e-2
 
 
@@ -99,9 +103,9 @@ def _critical(e: Evidence) -> np.ndarray | None:
 
 
 def _zero_energy(e: Evidence) -> np.ndarray:
-    share, (low, high) = _shares(e), ZERO_ENERGY
-    score = np.where(share < low, share / low, 1 + (share - low) / (high - low))
-    return np.where(e.points.alternation > ALTERNATES, score, np.minimum(score, 1.9))
+    share, (low, high) = _shares(e), ALTERNATING
+    alternating = np.where(share < low, share / low, 1 + (share - low) / (high - low))
+    return np.where(e.points.alternation > ALTERNATES, alternating, np.minimum(share / VARYING, 1.9))
 
 
 def _shares(e: Evidence) -> np.ndarray:

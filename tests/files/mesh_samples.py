@@ -101,7 +101,14 @@ def spheres(path: Path) -> Path:
     import netCDF4
 
     with netCDF4.Dataset(path, "w", format="NETCDF3_CLASSIC") as file:
-        for name, length in {"num_dim": 3, "num_nodes": 3, "num_el_blk": 1, "num_el_in_blk1": 3, "one": 1, "two": 2}.items():
+        for name, length in {
+            "num_dim": 3,
+            "num_nodes": 3,
+            "num_el_blk": 1,
+            "num_el_in_blk1": 3,
+            "one": 1,
+            "two": 2,
+        }.items():
             file.createDimension(name, length)
         for axis in "xyz":
             file.createVariable(f"coord{axis}", "f8", ("num_nodes",))[:] = [0.0, 1.0, 2.0]
