@@ -374,21 +374,25 @@ def held_components(held: Any, families: Families) -> np.ndarray:
     return np.broadcast_to(mask[:, None], shape) if mask.ndim == 1 else mask
 
 
-def _forces(model, families: Families, u, F, force: Any, density: Any) -> Forces | None:
+# Forces below this part of modulus/spacing are rounding errors of a state at rest; LAMMPS has 1e-16 (measured).
+ROUNDING = 1e-12
+
+
+def _forces(auditor: Auditor, u: np.ndarray, F: np.ndarray | None, force: Any, density: Any) -> Forces | None:
     if force is None and density is None:
         return None
     if force is not None and density is not None:
         raise ValueError("give force or given_density, not both: force is density times volume")
-    name = "force" if force is not None else "given_density"
+    name, families = "force" if force is not None else "given_density", auditor.families
     given = finite(name, force if force is not None else density)
     if given.shape != (len(families), families.dim):
         raise ValueError(f"{name} must have shape ({len(families)}, {families.dim}); got {given.shape}")
-    own = np.asarray(force_density(model, families, u, F), float)
+    own = np.asarray(force_density(auditor.model, families, u, F), float)
+    noise = ROUNDING * auditor.modulus.max() / float(np.asarray(auditor.family.spacing))
     if force is not None:
-        own = own * np.asarray(families.volumes, float)[:, None]
-    largest = np.linalg.norm(given, axis=1).max(initial=0.0)
-    error = np.linalg.norm(own - given, axis=1)
-    return Forces(error / largest if largest > 0 else error)
+        own, noise = own * auditor.volumes[:, None], noise * auditor.volumes.max()
+    largest = max(float(np.linalg.norm(given, axis=1).max(initial=0.0)), float(noise))
+    return Forces(np.linalg.norm(own - given, axis=1) / largest)
 
 
 @public_function
@@ -467,4 +471,4 @@ def audit(
     points = auditor.measures(u, mean)
     lattice = auditor.lattice(points, path=True) if margins else None
     spectrum = auditor.body(u, mean) if body else None
-    return auditor.judged(u, points, lattice, spectrum, _forces(model, families, u, F, force, given_density))
+    return auditor.judged(u, points, lattice, spectrum, _forces(auditor, u, mean, force, given_density))
