@@ -16,7 +16,7 @@ from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
-from .._internal.checks import native, on_host, writable, written_whole
+from .._internal.checks import finite, native, on_host, writable, written_whole
 from .._internal.public import public_function
 from ..finite_body.dynamics.history import History
 from ..finite_body.scene import Scene
@@ -88,6 +88,7 @@ def write_vtk(
     path: str | os.PathLike | None = None,
     fields: dict | None = None,
     sets: dict | None = None,
+    times=None,
 ) -> Path:
     """Write a body, its result, more fields and sets to VTK files for ParaView and other programs.
 
@@ -104,6 +105,8 @@ def write_vtk(
         history or an equilibrium path.
     sets : dict, optional
         Masks by name: arrays of bool of shape (points,). The set NAME is written as the field "set:NAME".
+    times : array, shape (states,), optional
+        Times of several states without a result. Every array of `fields` then has the shape (states, points, …).
 
     Returns
     -------
@@ -143,6 +146,10 @@ def write_vtk(
     if path is None:
         raise ValueError('path must name the files, without extension; got none: write_vtk(scene, result, "plate")')
     states, where = _states(result), _positions(body)
+    if times is not None:
+        if result is not None:
+            raise ValueError(f"times is for fields without a result; this {type(result).__name__} has its own times")
+        states = _States({}, finite("times", times).reshape(-1))
     own = {name: _real(name, values) for name, values in _own_fields(body).items()} | _masks(sets, len(where))
     series = states.times is not None
     shape = (len(states.times), len(where)) if states.times is not None else (len(where),)

@@ -37,9 +37,12 @@ class Points(eqx.Module):
     cells : tuple of int or None
         Number of cells along each axis of the lattice, filled or not.
     sites : array of int, shape (points,), or None
-        Cell of each point in row-major order, if a mask left cells empty.
+        Number of the cell of each point, counted in row-major order, if a mask left cells empty or the points have
+        another order.
     precision : float
         Error of the coordinates [length] if their dtype had fewer digits than double precision, else 0.
+    origin : tuple of float or None
+        Corner [length] of the first cell of a lattice that does not start at the origin of the coordinates.
 
     Examples
     --------
@@ -56,6 +59,7 @@ class Points(eqx.Module):
     cells: tuple[int, ...] | None = eqx.field(static=True, default=None)
     sites: np.ndarray | None = None
     precision: float = eqx.field(static=True, default=0.0)
+    origin: tuple[float, ...] | None = eqx.field(static=True, default=None)
 
     def __repr__(self) -> str:
         spacing = "" if self.spacing is None else f", spacing {self.spacing:g}"
@@ -73,6 +77,8 @@ class Points(eqx.Module):
             return False
         sites = np.arange(len(self)) if self.sites is None else self.sites
         centres = (np.stack(np.unravel_index(sites, self.cells), axis=1) + 0.5) * self.spacing
+        if self.origin is not None:
+            centres += np.array(self.origin)
         return bool(
             np.allclose(self.positions, centres, rtol=0, atol=1e-9 * self.spacing)
             and np.allclose(self.volumes, self.spacing**self.dim, rtol=1e-9, atol=0)

@@ -127,7 +127,8 @@ def _series(folder: Path) -> Path:
     return path
 
 
-SAMPLES = {path.name: partial(_copied, path.name) for path in sorted(FOLDER.iterdir())}
+OF_MESHES = sorted(path for path in FOLDER.iterdir() if path.suffix in (".msh", ".inp", ".vtk"))
+SAMPLES = {path.name: partial(_copied, path.name) for path in OF_MESHES}
 SAMPLES |= {
     "plate.exo": _exodus,
     "points.vtu": partial(_written, "points"),
