@@ -68,8 +68,8 @@ class _File:
 
     def length(self, name: str) -> int:
         """Length of a dimension, 0 if there is none."""
-        dimension = self.dataset.dimensions.get(name, 0)
-        return dimension if isinstance(dimension, int) else len(dimension)
+        dimension = self.dataset.dimensions.get(name)
+        return 0 if dimension is None else dimension if isinstance(dimension, int) else len(dimension)
 
     def has(self, name: str) -> bool:
         return name in self.dataset.variables
@@ -234,7 +234,10 @@ def _opened(path: Path) -> Iterator[_File]:
     with path.open("rb") as stream:
         head = stream.read(8)
     if head[:4] in (b"CDF\1", b"CDF\2"):
-        dataset = netcdf_file(_Bounded(path), "r", mmap=True)
+        try:
+            dataset = netcdf_file(_Bounded(path), "r", mmap=True)
+        except (TypeError, AttributeError) as error:  # what scipy raises for lengths that do not fit together
+            raise fault(path, f"the header of an {WHAT} must fit its arrays; scipy says: {error}") from None
         try:
             yield _File(path, dataset)
         finally:

@@ -49,6 +49,8 @@ def _joined(path: Path, files: list[Path]) -> Contents:
     if len(files) == 1 and files[0].suffix.lower() == ".vtk":
         return legacy_vtk.states(_present(path, files[0])).at(0)
     meshes: list[Mesh] = []
+    if len(set(files)) < len(files):
+        raise fault(path, f"the {len(files)} parts of one time must be different files; got {len(set(files))} files")
     for file in files:
         pieces = _pieces(_present(path, file)) if file.suffix.lower() == ".pvtu" else [file]
         for piece in pieces:
@@ -60,8 +62,11 @@ def _joined(path: Path, files: list[Path]) -> Contents:
 
 
 def _present(path: Path, file: Path) -> Path:
+    """The file, if it is there and no link leads out of the folder of the list."""
     if not file.is_file():
         raise FileNotFoundError(f"{path.name} names {file.name}, and there is no such file in {file.parent}")
+    if not file.resolve().is_relative_to(path.parent.resolve()):
+        raise fault(path, f"a list may only name files in its own folder; {file.name} is a link that leads out of it")
     return file
 
 
@@ -100,8 +105,6 @@ def _inside(path: Path, name: str) -> Path:
     if absolute or ".." in parts or not name or not name.isprintable():
         raise fault(path, f"a list may only name files in its own folder; got {name!r}. Move the files and write names")
     file = path.parent / name
-    if not file.resolve().is_relative_to(path.parent.resolve()):
-        raise fault(path, f"a list may only name files in its own folder; {name!r} is a link that leads out of it")
     if file.suffix.lower() not in SUFFIXES:
         raise fault(path, f"the files of a list must be VTU, PVTU or legacy VTK files; got {name!r}")
     return file

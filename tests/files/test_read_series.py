@@ -154,7 +154,10 @@ def test_links_out_of_the_folder_are_refused(tmp_path):
         pytest.skip("this file system has no links")
     (tmp_path / "in" / "x.vtu.series").write_text('{"files": [{"name": "x.vtu", "time": 0}]}')
     with pytest.raises(ValueError, match="link that leads out of it"):
-        opened(tmp_path / "in" / "x.vtu.series")
+        opened(tmp_path / "in" / "x.vtu.series").at(0)
+
+
+DATASET = '<DataSet timestep="1" file="a.vtu"/>'
 
 
 @pytest.mark.parametrize(
@@ -164,6 +167,11 @@ def test_links_out_of_the_folder_are_refused(tmp_path):
         ("x.pvd", '<VTKFile type="PolyData"/>', "must hold a Collection; got type 'PolyData'"),
         ("x.pvd", "<!DOCTYPE x><VTKFile/>", "no document type"),
         ("x.pvd", "<VTKFile><Collection>", "complete and valid"),
+        (
+            "x.pvd",
+            f'<VTKFile type="Collection"><Collection>{2 * DATASET}</Collection></VTKFile>',
+            "2 parts of one time must be different files; got 1 files",
+        ),
         ("x.vtu.series", "[1]", "the JSON must hold"),
         ("x.vtu.series", '{"files": [{"name": "a.vtu", "time": NaN}]}', "times must be finite"),
         ("x.vtu.series", "[" * 100000, "complete and valid"),
