@@ -191,6 +191,8 @@ def surface_correction(
             else "has none; define extension_energies in its class"
         )
         raise ValueError(f"surface_correction is for BondBased and LPS; {type(model).__name__} {reason}")
+    if np.ndim(families.horizon):
+        raise ValueError("surface_correction needs one horizon for all points; these families have one for each")
     volumes, omega = np.asarray(families.volumes, float), np.asarray(families.influence * families.weight, float)
     w = omega * volumes[np.asarray(families.neighbours)]
     beta = _by_volume(families, w) if method == "volume" else _by_energy(model, families, w, int(passes))
