@@ -159,6 +159,9 @@ def surface_correction(
     `LPS` in plane stress with ν = ¼ the errors are −10.8 %, −12.4 %, −5.1 % and −1.6 %. The error falls with the width
     of the plate (benchmarks/surface_correction.py).
 
+    In 3D a bar of 24 × 7 × 7 points keeps an error
+    of −4.0 % (`BondBased`) and −7.0 % (`LPS`, ν = ¼) with three passes, from +23.2 % and −19.9 %.
+
     Correspondence models need no correction, because their mean deformation gradient is exact for affine maps at
     surfaces too. Do not combine the correction with `BondBased.from_family(bulk, families)`, whose micromoduli are
     already larger at surfaces.
