@@ -163,8 +163,8 @@ def families(
     in the family of j. The force on i then has T_ij of its own family and T_ji of all families that contain i, which is
     the dual-horizon rule. It is the gradient of the energy Σ V_i W_i and conserves momentum. Constants that depend on
     the horizon, such as the micromodulus of `BondBased`, need one value for each point. A homogeneous strain is not in
-    equilibrium where the horizon changes: in a pulled bond-based bar whose horizon jumps from 2 to 4 spacings, the strain
-    near the jump is 0.84 to 1.36 of the mean, and 0.90 to 1.16 if it changes over 20 points or more.
+    equilibrium where the horizon changes: in a pulled bond-based bar whose horizon jumps from 2 to 4 spacings, the
+    strain near the jump is 0.84 to 1.36 of the mean, and 0.90 to 1.16 if it changes over 20 points or more.
 
     References
     ----------

@@ -166,7 +166,8 @@ def test_partial_volumes_by_name_take_the_spacing_of_the_points():
         assert np.array_equal(named.influence, given.influence) and float(named.influence.min()) < 1
     named, given = (pd.lattice_family(2, 3.2, 0.5, f) for f in ("partial volume", meant))
     assert np.array_equal(named.influence, given.influence)
-    assert np.array_equal(pd.families(lattice, 1.6, "partial volume", arrays=False).grid.influence.shape, (28,))
+    lean = pd.families(lattice, 1.6, "partial volume", arrays=False)
+    assert float(lean.grid.influence.min()) < 1
     with pytest.raises(ValueError, match="needs a spacing here"):
         pd.partial_volume_influence("partial volume", 0.5)
 

