@@ -57,8 +57,8 @@ DATA = (
     + "".join(f"{k + 1} {k} 0 0\n" for k in range(12))
 )
 DUMP = "".join(
-    f"ITEM: TIME\n{0.1 * step}\nITEM: TIMESTEP\n{step}\nITEM: NUMBER OF ATOMS\n12\nITEM: BOX BOUNDS pp pp pp\n0 4\n0 4\n0 1\n"
-    + "ITEM: ATOMS id type x y z vx vy vz vol\n"
+    f"ITEM: TIME\n{0.1 * step}\nITEM: TIMESTEP\n{step}\nITEM: NUMBER OF ATOMS\n12\n"
+    + "ITEM: BOX BOUNDS pp pp pp\n0 4\n0 4\n0 1\nITEM: ATOMS id type x y z vx vy vz vol\n"
     + "".join(f"{k + 1} 1 {k % 4 + 0.01 * step} {k // 4} 0.5 1 0 0 1\n" for k in range(12))
     for step in (0, 5, 10)
 )
