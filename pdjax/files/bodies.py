@@ -48,7 +48,7 @@ def body_from(
             raise ValueError(f"{path}: spacing= is for a uniform lattice, but {error}; leave spacing out") from None
     volumes = _volumes(path, contents, positions, volume, outline, lattice, notes)
     if lattice is not None:
-        body = lattice.body(volumes)
+        body = lattice.body(volumes, rounding(volumes) if volume is None else 0.0)
         if body is not None:
             cells = " × ".join(map(str, lattice.cells))
             empty = int(np.prod(lattice.cells)) - len(body)
@@ -65,7 +65,7 @@ def body_from(
             return body, axes, tuple(notes)
         notes.append(
             f"The points are those of a lattice with spacing {lattice.spacing:.6g}, but their volumes are not"
-            f" spacing^{len(axes)}, so the body is a cloud."
+            f' spacing^{len(axes)}, so the body is a cloud. volume="lattice" makes it a lattice.'
         )
     return cloud(positions, volumes), axes, tuple(notes)
 
@@ -148,8 +148,4 @@ def _volumes(
             f"{path}, {contents.where(k)}: expected a volume that is finite and > 0; got {volumes[k]} ({bad.size} such"
             f" points); correct it, or pass volume=. {told}".rstrip()
         )
-    if lattice is not None:  # the digits of the file may round spacing^dim
-        cell = lattice.spacing**dim
-        near = np.abs(volumes - cell) <= min(1e-3 * cell, max(1e-9 * cell, rounding(volumes)))
-        volumes = np.full(points, cell) if near.all() else volumes
     return volumes

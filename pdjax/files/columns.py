@@ -16,7 +16,7 @@ COORDINATES = {
     "y": ("y", "coord_y", "points:1", "points_1", "y_coordinate"),
     "z": ("z", "coord_z", "points:2", "points_2", "z_coordinate"),
 }
-VOLUME = ("volume", "volumes", "vol", "c_vol", "v_vol")
+VOLUME = ("volume", "volumes", "vol", "vfrac", "c_vol", "c_volume", "c_vfrac", "v_vol")
 BLOCK = ("block", "block_id", "blockid")
 ID = ("id", "global_id", "point_id", "node_id")
 MOST_BLOCKS = 256  # with more numbers than this, a column is no list of parts of a body

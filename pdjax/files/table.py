@@ -6,8 +6,8 @@ encoding does no harm.
 """
 
 import csv
-import io
 import itertools
+import os
 import re
 import warnings
 from collections.abc import Iterator
@@ -55,7 +55,8 @@ def words(line: str) -> list[str]:
     delimiter = delimiter_of(line)
     if delimiter is None:
         return [quoted or plain for quoted, plain in WORDS.findall(line)]
-    return [cell.strip() for cell in next(csv.reader([line], delimiter=delimiter, skipinitialspace=True))]
+    cells = next(csv.reader([line.replace("\r", " ").replace("\n", " ")], delimiter=delimiter, skipinitialspace=True))
+    return [cell.strip() for cell in cells]
 
 
 def delimiter_of(line: str) -> str | None:
@@ -74,10 +75,10 @@ def is_number(word: str) -> bool:
 
 def _lines(place: Place) -> Iterator[tuple[int, list[str]]]:
     """The line number and the cells of every line of a table that has any."""
-    with open(place.path, "rb") as raw:
-        raw.seek(place.offset)
+    with open(place.path, encoding="latin-1") as text:
+        text.seek(place.offset)
         found = 0
-        for number, line in enumerate(io.TextIOWrapper(raw, "latin-1"), start=place.line):
+        for number, line in enumerate(text, start=place.line):
             line = line.partition("#")[0].strip()
             if line:
                 yield number, [cell.strip() for cell in line.split(place.delimiter)]
@@ -91,38 +92,55 @@ def line_of(place: Place, row: int) -> int:
     return next(itertools.islice(_lines(place), row, None))[0]
 
 
-def read_table(place: Place, columns: int, names: str) -> np.ndarray:
-    """Read a table of floats, (rows, columns). `names` says in errors what the columns are.
+def fits(place: Place, columns: int) -> None:
+    """Raise ValueError if the file is too short for the announced rows: a number takes two bytes with its separator."""
+    length = os.path.getsize(place.path) - place.offset + 1
+    if place.rows is not None and place.rows * columns * 2 > length:
+        raise ValueError(
+            f"{place.path} announces {place.rows} lines of {columns} numbers, but has only {length - 1} bytes from line"
+            f" {place.line}; the file is incomplete or damaged"
+        )
+
+
+def read_table(place: Place, names: list[str], kept: list[int] | None = None) -> np.ndarray:
+    """Read a table of floats, (rows, columns). `names` are those of the columns; `kept`, the columns to read.
 
     Raises ValueError that names the line if a line has another number of columns or a word that is no number, or if the
     file ends too early.
     """
-    with open(place.path, "rb") as raw, warnings.catch_warnings():
+    fits(place, len(names))
+    kept = list(range(len(names))) if kept is None else kept
+    with open(place.path, encoding="latin-1") as text, warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # NumPy warns of empty tables and of empty lines
-        raw.seek(place.offset)
+        text.seek(place.offset)
         try:
             values = np.loadtxt(
-                io.TextIOWrapper(raw, "latin-1"), ndmin=2, max_rows=place.rows, delimiter=place.delimiter
+                text,
+                ndmin=2,
+                max_rows=place.rows,
+                delimiter=place.delimiter,
+                usecols=None if len(kept) == len(names) else kept,
             )
         except ValueError as error:
-            raise _fault(place, columns, names, str(error)) from None
-    if values.shape[0] and values.shape[1] != columns:
-        raise _fault(place, columns, names, f"the table has {values.shape[1]} columns")
+            raise _fault(place, names, kept, str(error)) from None
+    if values.shape[0] and values.shape[1] != len(kept):
+        raise _fault(place, names, kept, f"got {values.shape[1]} columns")
     if place.rows is not None and len(values) < place.rows:
         raise ValueError(
-            f"{place.path} ends too early: expected {place.rows} lines of {columns} numbers ({names}) from line"
-            f" {place.line}; got {len(values)}; the file is incomplete"
+            f"{place.path} ends too early: expected {place.rows} lines of {len(names)} numbers ({', '.join(names)})"
+            f" from line {place.line}; got {len(values)}; the file is incomplete"
         )
-    return values.reshape(-1, columns)
+    return values.reshape(-1, len(kept))
 
 
-def _fault(place: Place, columns: int, names: str, reason: str) -> ValueError:
+def _fault(place: Place, names: list[str], kept: list[int], reason: str) -> ValueError:
     """The error that names the first wrong line of a table."""
+    told = f"expected {len(names)} numbers ({', '.join(names):.200})"
     for number, cells in _lines(place):
-        where = f"{place.path}, line {number}: expected {columns} numbers ({names})"
-        if len(cells) != columns:
+        where = f"{place.path}, line {number}: {told}"
+        if len(cells) != len(names):
             return ValueError(f"{where}; got {len(cells)} columns: {' '.join(cells)!r:.60}; correct or remove the line")
-        for cell in cells:
-            if not is_number(cell):
-                return ValueError(f"{where}; got {cell!r:.40}; correct or remove the line")
-    return ValueError(f"{place.path}: expected a table of {columns} numbers ({names}) from line {place.line}; {reason}")
+        for k in kept:
+            if not is_number(cells[k]):
+                return ValueError(f"{where}; got {cells[k]!r:.40} for {names[k]}; correct or remove the line")
+    return ValueError(f"{place.path}: {told} in each line from line {place.line}; {reason}")

@@ -12,6 +12,7 @@ import numpy as np
 from .points import Points
 
 LARGEST_SHIFT = 1e-3  # spacings; larger distances from the lattice are not rounding
+EXACT = 1e-10  # spacings; positions this close to the lattice stay as they are
 MOST_CELLS = 64  # cells for each point; a sparser set of points is no lattice
 SINGLE = 2.0**-22  # rounding of single precision, with some reserve; closer coordinates are the same
 SAMPLE = 1000  # numbers whose digits are counted
@@ -21,8 +22,8 @@ class Recognised(NamedTuple):
     """A lattice found from positions.
 
     spacing: h [length]. cells: number along each axis. sites: cell of each point in row-major order. origin: corner of
-    the first cell [length]. centres: positions of the points on the exact lattice. moved: largest distance of a
-    coordinate from it [length].
+    the first cell [length]. centres: the positions, moved to the exact lattice if they are off by more than EXACT.
+    moved: largest distance of a coordinate from the exact lattice [length].
     """
 
     spacing: float
@@ -32,15 +33,20 @@ class Recognised(NamedTuple):
     centres: np.ndarray
     moved: float
 
-    def body(self, volumes: np.ndarray) -> Points | None:
-        """The lattice as a body in the order of the points, or None if a volume is not that of a cell."""
-        cell = self.spacing ** len(self.cells)
-        if not np.allclose(volumes, cell, rtol=1e-9, atol=0):
+    def body(self, volumes: np.ndarray, rounding: float = 0.0) -> Points | None:
+        """The lattice as a body in the order of the points, or None if a volume is not that of a cell.
+
+        `rounding` is the error of the volumes. That of the coordinates, and so of the volume of a cell, comes on top.
+        """
+        dim = len(self.cells)
+        cell = self.spacing**dim
+        near = max(1e-9, rounding / cell, 2 * dim * self.moved / self.spacing)
+        if not np.allclose(volumes, cell, rtol=min(near, LARGEST_SHIFT / 10), atol=0):
             return None
         full = len(self.sites) == np.prod(self.cells) and bool((np.diff(self.sites) == 1).all())
         return Points(
             self.centres,
-            np.full(len(volumes), cell),
+            volumes if np.allclose(volumes, cell, rtol=EXACT, atol=0) else np.full(len(volumes), cell),
             self.spacing,
             self.cells if full else None,
             None,
@@ -59,6 +65,7 @@ def rounding(values: np.ndarray) -> float:
     largest = float(flat[-1])
     if flat.size > SAMPLE:
         flat = flat[np.linspace(0, flat.size - 1, SAMPLE).astype(int)]
+    flat = flat[flat > np.finfo(float).tiny / np.finfo(float).eps]  # smaller numbers have no digits to count
     exponents = np.floor(np.log10(flat))
     for digits in range(1, 16):
         unit = 10.0 ** (exponents - digits + 1)
@@ -105,8 +112,8 @@ def recognised(positions: np.ndarray, spacing: float | None = None) -> Recognise
     sites = np.ravel_multi_index(tuple(index.T), cells)
     _refuse_scattered(sites, cells, h)
     origin = tuple(0.0 if abs(x) < 1e-9 * h else float(x) for x in shift - h / 2)
-    if not any(origin):
-        centres = (index + 0.5) * h
+    if away.max() <= EXACT * h:
+        centres = positions
     return Recognised(h, cells, sites, origin, centres, float(away.max()))
 
 
