@@ -93,7 +93,8 @@ def _contents(path: Path) -> Contents:
     if images:
         turns = np.stack([columns.pop(x) for x in IMAGES], axis=1)
         if turns.any():
-            positions = positions + turns @ _box(path, header)
+            with np.errstate(invalid="ignore", over="ignore"):  # positions that are not finite are refused later
+                positions = positions + turns @ _box(path, header)
             notes.append("Positions are moved out of the periodic box by their image flags.")
     ids = columns.pop("id")
     if not are_whole(ids) or len(np.unique(ids)) < len(ids):

@@ -72,6 +72,9 @@ def _index(path: Path) -> tuple[list[int], list[float], bool]:
     with open(path, "rb") as stream, mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as data:
         at = data.find(START)
         while at >= 0:
+            if at > 0 and data[at - 1] != ord("\n"):  # not at the start of a line
+                at = data.find(START, at + len(START))
+                continue
             following = data[at : at + 100].split(b"\n", 2)[1:2]
             steps.append(_number(following[0]) if following else np.nan)
             said = re.search(rb"ITEM: TIME\s*\n\s*(\S+)\s*\n$", data[max(0, at - 100) : at])

@@ -55,7 +55,8 @@ def words(line: str) -> list[str]:
     delimiter = delimiter_of(line)
     if delimiter is None:
         return [quoted or plain for quoted, plain in WORDS.findall(line)]
-    return [cell.strip() for cell in next(csv.reader([line], delimiter=delimiter, skipinitialspace=True))]
+    cells = next(csv.reader([line.replace("\r", " ").replace("\n", " ")], delimiter=delimiter, skipinitialspace=True))
+    return [cell.strip() for cell in cells]
 
 
 def delimiter_of(line: str) -> str | None:

@@ -159,6 +159,9 @@ def surface_correction(
     `LPS` in plane stress with ν = ¼ the errors are −10.8 %, −12.4 %, −5.1 % and −1.6 %. The error falls with the width
     of the plate (benchmarks/surface_correction.py).
 
+    In 3D a bar of 24 × 7 × 7 points keeps an error
+    of −4.0 % (`BondBased`) and −7.0 % (`LPS`, ν = ¼) with three passes, from +23.2 % and −19.9 %.
+
     Correspondence models need no correction, because their mean deformation gradient is exact for affine maps at
     surfaces too. Do not combine the correction with `BondBased.from_family(bulk, families)`, whose micromoduli are
     already larger at surfaces.
@@ -191,6 +194,8 @@ def surface_correction(
             else "has none; define extension_energies in its class"
         )
         raise ValueError(f"surface_correction is for BondBased and LPS; {type(model).__name__} {reason}")
+    if np.ndim(families.horizon):
+        raise ValueError("surface_correction needs one horizon for all points; these families have one for each")
     volumes, omega = np.asarray(families.volumes, float), np.asarray(families.influence * families.weight, float)
     w = omega * volumes[np.asarray(families.neighbours)]
     beta = _by_volume(families, w) if method == "volume" else _by_energy(model, families, w, int(passes))

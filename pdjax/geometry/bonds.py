@@ -119,8 +119,11 @@ def _readable(*arrays: object) -> bool:
 
 
 def _length(name: str, value: Any) -> str:
-    """Part of a `__repr__`: a comma, the name and the value, or nothing if the value is not one readable number."""
-    return f", {name} {float(value):.6g}" if _readable(value) and value.ndim == 0 else ""
+    """Part of a `__repr__`: a comma, the name and the value or its range, or nothing if it is not readable."""
+    if not _readable(value) or value.ndim > 1:
+        return ""
+    low, high = float(np.min(value)), float(np.max(value))
+    return f", {name} {low:.6g}" + (f" to {high:.6g}" if high > low else "")
 
 
 class LatticeFamily(eqx.Module):
@@ -346,8 +349,9 @@ class Families(eqx.Module):
         Volumes of the points [length^dim].
     count : array of int, shape (points,)
         Number of bonds of each point, cut bonds included, padding excluded.
-    horizon : array, shape ()
-        Horizon δ [length].
+    horizon : array, shape () or (points,)
+        Horizon δ [length], one for all points or one for each. With one for each, a bond that only one of its ends
+        reaches is in the families of both, with the weight 0 at the other end.
     spacing : float or None
         Spacing [length] of the lattice, None for a cloud.
     shape : tuple of int or None
@@ -373,7 +377,7 @@ class Families(eqx.Module):
     weight: Float[Array, "points bonds"] | Any
     volumes: Float[Array, " points"]
     count: Int[Array, " points"]
-    horizon: Float[Array, ""]
+    horizon: Float[Array, "*points"]
     spacing: float | None = eqx.field(static=True, default=None)
     shape: tuple[int, ...] | None = eqx.field(static=True, default=None)
     grid: Grid | None = None

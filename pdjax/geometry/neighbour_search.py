@@ -12,8 +12,9 @@ from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
+from numpy.typing import ArrayLike
 
-from .._internal.checks import is_concrete, namespace, on_device
+from .._internal.checks import finite, is_concrete, namespace, on_device
 from .._internal.public import public_function
 from .bonds import TIE, Families, Grid, cells_within, checked_influence
 from .influence import constant_influence, named_influence
@@ -40,6 +41,17 @@ def checked_horizon(horizon: Any) -> float:
     if not (math.isfinite(horizon) and horizon > 0):
         raise ValueError(f"horizon must be finite and > 0; got {horizon}")
     return horizon
+
+
+def horizon_of_each(body: Points, horizon: Any) -> float | np.ndarray:
+    """Return the horizon as a float, or as an array (points,) if it differs from point to point."""
+    if not is_concrete(horizon) or isinstance(horizon, str) or np.ndim(horizon) == 0:
+        return checked_horizon(horizon)
+    each = finite("horizon", horizon)
+    if each.shape != (len(body),) or (each <= 0).any():
+        got = f"shape {each.shape}" if each.shape != (len(body),) else f"the value {each.min()}"
+        raise ValueError(f"horizon must be one number > 0, or one for each of the {len(body)} points; got {got}")
+    return float(each[0]) if np.ptp(each) == 0 else each
 
 
 def in_box(body: Points) -> tuple[np.ndarray, np.ndarray | None]:
@@ -102,7 +114,7 @@ def _warn_of_cut_shell(cut: CutShell, body: Points, horizon: float) -> None:
 
 @public_function
 def families(
-    body: Points, horizon: float, influence: Callable | str = constant_influence, arrays: bool = True
+    body: Points, horizon: float | ArrayLike, influence: Callable | str = constant_influence, arrays: bool = True
 ) -> Families:
     """Find the families of all points of a body, as padded arrays.
 
@@ -110,8 +122,9 @@ def families(
     ----------
     body : Points
         The body, from `lattice`, `bar`, `plate`, `cuboid` or `cloud`.
-    horizon : float
-        Horizon δ [length]. It decides which points are neighbours, so it can't be traced.
+    horizon : float or array, shape (points,)
+        Horizon δ [length], one for all points or one for each. It decides which points are neighbours, so it can't be
+        traced.
     influence : callable or str, optional
         Influence function (r, δ) → ω ≥ 0, or its name, such as "gaussian" or "partial volume" (see
         `pdjax.geometry.influence`).
@@ -146,6 +159,17 @@ def families(
     as in a text file, use 3.015 spacings instead of 3. The families of a lattice are the same for both, and no bond
     ties at 3.015.
 
+    With a horizon for each point, the family of point i holds the points within δ_i, and j may be in it while i is not
+    in the family of j. The force on i then has T_ij of its own family and T_ji of all families that contain i, which is
+    the dual-horizon rule. It is the gradient of the energy Σ V_i W_i and conserves momentum. Constants that depend on
+    the horizon, such as the micromodulus of `BondBased`, need one value for each point. A homogeneous strain is not in
+    equilibrium where the horizon changes: in a pulled bond-based bar whose horizon jumps from 2 to 4 spacings, the
+    strain near the jump is 0.84 to 1.36 of the mean, and 0.90 to 1.16 if it changes over 20 points or more.
+
+    References
+    ----------
+    Ren, Zhuang, Cai & Rabczuk 2016 (dual-horizon peridynamics)
+
     Examples
     --------
     >>> body = pd.lattice((5, 4), spacing=0.5)
@@ -155,7 +179,9 @@ def families(
     Families(20 points, 2D, 5 to 11 bonds a point, horizon 1.005)
     """
     check_body("body", body)
-    horizon = checked_horizon(horizon)
+    horizon = horizon_of_each(body, horizon)
+    if not isinstance(horizon, float):
+        return _of_each_horizon(body, horizon, influence, arrays)
     if body.spacing is not None and horizon < body.spacing / (1 + TIE):
         raise ValueError(f"horizon must be finite, > 0 and at least one spacing ({body.spacing}); got {horizon}")
     if body.uniform:
@@ -178,6 +204,22 @@ def families(
     i, j = np.concatenate([lower, upper]), np.concatenate([upper, lower])
     opposite = np.roll(np.arange(len(i)), len(lower))  # bond p + pairs is opposite to bond p
     return pack(body, horizon, influence, (i, j, np.concatenate([vectors, -vectors]), opposite))
+
+
+def _of_each_horizon(body: Points, horizon: np.ndarray, influence: Callable | str, arrays: bool) -> Families:
+    """Make families with a horizon for each point: a bond is there if at least one of its ends reaches the other."""
+    if not arrays:
+        raise ValueError("arrays=False needs one horizon for all points; got one for each: use arrays=True")
+    radius = horizon * (1 + TIE) + tie_radius(body, 0.0)
+    i, j, vectors = pairs_within(body, float(radius.max()))
+    lengths = np.linalg.norm(vectors, axis=1)
+    near = lengths <= np.maximum(radius[i], radius[j])
+    i, j, vectors, lengths = i[near], j[near], vectors[near], lengths[near]
+    reached = np.concatenate([lengths <= radius[i], lengths <= radius[j]])
+    i, j = np.concatenate([i, j]), np.concatenate([j, i])
+    _refuse_lonely(np.bincount(i[reached], minlength=len(body)), float(horizon.max()))
+    opposite = np.roll(np.arange(len(i)), len(vectors))
+    return pack(body, horizon, influence, (i, j, np.concatenate([vectors, -vectors]), opposite), reached)
 
 
 def _refuse_lonely(count: np.ndarray, horizon: float) -> None:
@@ -226,12 +268,21 @@ def _of_lattice(body: Points, horizon: float, influence: Callable | str, arrays:
     return Families(neighbours, reverse, xi, padded, weight, volumes, count, delta, body.spacing, body.shape, grid, at)
 
 
-def pack(body: Points, horizon: float, influence: Callable | str, directed: tuple[np.ndarray, ...]) -> Families:
-    """Pack directed bonds (i, j, vectors, index of the opposite bond) into padded arrays."""
+def pack(
+    body: Points,
+    horizon: float | np.ndarray,
+    influence: Callable | str,
+    directed: tuple[np.ndarray, ...],
+    reached: np.ndarray | float = 1.0,
+) -> Families:
+    """Pack directed bonds (i, j, vectors, index of the opposite bond) into padded arrays.
+
+    `reached` is 1 for bonds within the horizon of i, and 0 for those that only j reaches.
+    """
     i, j, vectors, opposite = directed
     points = len(body)
     count = np.bincount(i, minlength=points)
-    _refuse_lonely(count, horizon)
+    _refuse_lonely(count, float(np.max(horizon)))
     order = np.lexsort((j, i))
     slot = np.empty(len(i), dtype=np.int64)
     slot[order] = np.arange(len(i)) - np.repeat(np.cumsum(count) - count, count)
@@ -240,14 +291,17 @@ def pack(body: Points, horizon: float, influence: Callable | str, directed: tupl
     neighbours = np.broadcast_to(np.arange(points)[:, None], (points, width)).copy()
     reverse = np.broadcast_to(np.arange(width)[None, :], (points, width)).copy()
     xi = np.zeros((points, width, body.dim))
-    xi[..., 0] = horizon
+    xi[..., 0] = np.max(horizon)
     weight = np.zeros((points, width))
-    neighbours[i, slot], reverse[i, slot], xi[i, slot], weight[i, slot] = j, slot[opposite], vectors, 1.0
+    neighbours[i, slot], reverse[i, slot], xi[i, slot], weight[i, slot] = j, slot[opposite], vectors, reached
 
     real = jnp.result_type(float)
     delta = np.asarray(horizon, dtype=real)
     function = named_influence(influence, body.spacing or float(np.median(body.volumes)) ** (1 / body.dim))
-    omega = checked_influence(function, np.linalg.norm(xi, axis=-1).astype(real), delta)
+    lengths = np.linalg.norm(xi, axis=-1).astype(real)
+    if delta.ndim:  # a bond beyond the horizon of its point has weight 0; ω may not exist there
+        lengths = np.where(weight > 0, lengths, delta[:, None])
+    omega = checked_influence(function, lengths, delta[:, None] if delta.ndim else delta)
     neighbours, reverse, count = on_device(tuple(x.astype(np.int32) for x in (neighbours, reverse, count)))
     xi, weight, volumes = on_device(tuple(x.astype(real) for x in (xi, weight, body.volumes)))
     omega, delta, at = on_device((omega, delta, body.positions.astype(real)))

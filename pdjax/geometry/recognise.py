@@ -65,6 +65,7 @@ def rounding(values: np.ndarray) -> float:
     largest = float(flat[-1])
     if flat.size > SAMPLE:
         flat = flat[np.linspace(0, flat.size - 1, SAMPLE).astype(int)]
+    flat = flat[flat > np.finfo(float).tiny / np.finfo(float).eps]  # smaller numbers have no digits to count
     exponents = np.floor(np.log10(flat))
     for digits in range(1, 16):
         unit = 10.0 ** (exponents - digits + 1)

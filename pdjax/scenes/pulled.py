@@ -56,7 +56,7 @@ def pulled_plate(
     -------
     Scene
         The problem, with its closed form. The point X_c in the middle is held, and others as far as is needed to
-        prevent a rotation. They carry no force.
+        prevent a rotation. To first order in the strain they carry no force.
 
     Raises
     ------

@@ -158,6 +158,20 @@ def test_a_name_stands_for_its_function(name):
     assert np.array_equal(pd.families(body, 2.1, name).influence, pd.families(body, 2.1, INFLUENCES[name]).influence)
 
 
+def test_partial_volumes_by_name_take_the_spacing_of_the_points():
+    lattice, cloud = pd.lattice((9, 8), 0.5), pd.cloud(pd.lattice((9, 8), 0.5).positions, 0.25)
+    meant = pd.partial_volume_influence("constant", 0.5)
+    for body in (lattice, cloud):
+        named, given = (pd.families(body, 1.6, f) for f in ("partial volume", meant))
+        assert np.array_equal(named.influence, given.influence) and float(named.influence.min()) < 1
+    named, given = (pd.lattice_family(2, 3.2, 0.5, f) for f in ("partial volume", meant))
+    assert np.array_equal(named.influence, given.influence)
+    lean = pd.families(lattice, 1.6, "partial volume", arrays=False)
+    assert float(lean.grid.influence.min()) < 1
+    with pytest.raises(ValueError, match="needs a spacing here"):
+        pd.partial_volume_influence("partial volume", 0.5)
+
+
 def test_parabolic_influence_has_known_values_and_unknown_names_are_refused():
     r = np.array([0.1, 0.5, 0.75, 1.0])
     assert np.allclose(pd.parabolic_influence(r, 1.0), [1, 1, 0.75, 0], atol=1e-15)

@@ -302,7 +302,7 @@ def simulate_diffrax(
     xp = namespace(fields, motion.scene.families.horizon)
     start, held, velocity, horizon = (xp.asarray(x) for x in (*fields, motion.scene.families.horizon))
     size = xp.maximum(xp.maximum(abs(start).max(), abs(held).max()), dt * abs(velocity).max())
-    unknown = UNKNOWN * horizon
+    unknown = UNKNOWN * horizon.max()
     size = xp.where(size > 0, size, unknown)
     if rtol is not None:
         controller = diffrax.PIDController(rtol=rtol, atol=rtol * size if atol is None else atol)

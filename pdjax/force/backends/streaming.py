@@ -217,6 +217,7 @@ def reference_sums(
     varying = _Varying(split, traversal)
     sums = _sum_moments(varying, traversal, 0, u, None, horizon)
     if traversal.filled is None:
+        horizon = jnp.max(horizon)  # any length does for families without bonds
         xi = horizon * directions_of_rest(dim, dim * (dim + 3) // 2).astype(dtype)
         empty, ones = jnp.all(sums == 0, axis=0), jnp.ones(len(xi), dtype)
         bonds = Bonds(xi, jnp.zeros_like(xi), ones, ones, horizon)
@@ -303,7 +304,8 @@ def streamed_force(
         there = _trees(structure, shapes, a_far)
         yours = varying.components(lambda x: traversal.far(x, slot))
         omega = slot.omega if slot.back is None else slot.back
-        reverse = Bonds(-bond.xi, -bond.eta, _one(omega), _one(traversal.volumes), bond.horizon)
+        theirs = bond.horizon if horizon.ndim == 0 else _one(traversal.far(horizon, slot))
+        reverse = Bonds(-bond.xi, -bond.eta, _one(omega), _one(traversal.volumes), theirs)
         out = by_components(force, dtype)(mine, here, there, bond)
         back = by_components(force, dtype)(yours, there, here, reverse)
         return [bond.volume[()] * (a - b) for a, b in zip(out, back, strict=True)]
