@@ -144,8 +144,11 @@ BAD = {
     "zero volume": ("# x y volume\n0 0 1\n1 0 0\n", "line 3: expected a volume that is finite and > 0; got 0.0"),
     "negative volume": ("0 0 1\n\n1 0 -1\n", r"line 3: expected a volume .*; got -1.0 .*taken as x, y, volume"),
     "NaN volume": ("# x y volume\n0 0 nan\n", "line 2: expected a volume that is finite and > 0; got nan"),
-    "NaN": ("# x y volume\n0 0 1\nnan 0 1\n", r"line 3: expected finite coordinates; got \[nan, 0.0\]"),
-    "overflow": ("# x y volume\n0 0 1\n1e999 0 1\n", r"line 3: expected finite coordinates; got \[inf, 0.0\]"),
+    "NaN": ("# x y volume\n0 0 1\nnan 0 1\n", r"line 3: expected finite coordinates below 1e\+100; got \[nan, 0.0\]"),
+    "overflow": (
+        "# x y volume\n0 0 1\n1e999 0 1\n",
+        r"line 3: expected finite coordinates below 1e\+100; got \[inf, 0.0\]",
+    ),
     "twice": ("# x y volume\n0 1 1\n1 0 1\n\n0 1 1\n", "line 2 and line 5 have the same position"),
     "no x": ("# y volume heat\nlength volume\n1 2\n", "expected columns named x, y and z, x and y, or x; got length"),
     "z without y": ("x z volume\n1 2 3\n", "expected columns named x"),
