@@ -61,7 +61,7 @@ def test_positions_moved_by_more_than_their_digits_are_no_lattice():
         recognised(positions)
     positions = pd.lattice((9, 8), 0.1).positions
     positions[::2, 1] += 2e-3
-    with pytest.raises(ValueError, match="differ by as little as"):
+    with pytest.raises(ValueError, match=r"0\.01 spacings of 0\.1 from the lattice"):
         recognised(positions)
 
 
