@@ -33,6 +33,7 @@ PROGRAMS = (
     "proofs",
     "singular_bar",
     "stabilisers",
+    "surface_correction",
     "zone_accuracy",
 )
 MEASURED = Path(pd.__file__).parent / "bench" / "measured"

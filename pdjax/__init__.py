@@ -9,7 +9,8 @@ critical loads, the equilibria and motions of whole bodies, and the derivatives 
         SethHill, Correspondence, BondBased, LPS, BondLevel, ReproducingKernel, BondAssociated, SillingControl
         LinearElastic, NeoHookean, EnergyLaw, graded, linearised, CATALOGUE
     pdjax.force              forces, energies, strains and stresses of a body or of one family
-        force_density, force_operator, force_state, strain_energy, strain, stress, cauchy_stress, von_mises
+        force_density, force_operator, force_state, strain_energy, strain, stress, cauchy_stress, von_mises,
+        surface_correction
     pdjax.tangent            the exact Jacobian of the forces of a body
         jacobian, jvp
     pdjax.infinite_lattice   stability and waves of an infinite lattice, from one family
@@ -22,6 +23,8 @@ critical loads, the equilibria and motions of whole bodies, and the derivatives 
     pdjax.optimise           design by gradient, and parameters from measured data
         worst_margin, load_cases, dispersion_error, lattice_time_step, design, pareto_front
         identify, tikhonov, total_variation
+    pdjax.trust              whether a computed state of a body can be trusted
+        audit, audit_states, trust_observer
     pdjax.figures            matplotlib figures of results
     pdjax.files              points and fields from files and to files, VTK files: pdjax.export
         read_points, PointData, write_points
@@ -184,6 +187,7 @@ from .force.point_fields import (
 from .force.point_fields import (
     weighted_volume as weighted_volume,
 )
+from .force.surface_correction import surface_correction as surface_correction
 from .geometry.bonds import (
     Bonds as Bonds,
 )
@@ -421,6 +425,13 @@ from .optimise.wave_speeds import moduli_error as moduli_error
 from .studies import closed_forms as closed_forms
 from .tangent.jacobian import jacobian as jacobian
 from .tangent.jacobian import jvp as jvp
+from .trust.audit import Audit as Audit
+from .trust.audit import Finding as Finding
+from .trust.audit import audit as audit
+from .trust.observer import TrustObserver as TrustObserver
+from .trust.observer import trust_observer as trust_observer
+from .trust.series import AuditSeries as AuditSeries
+from .trust.series import audit_states as audit_states
 
 __version__ = _version.VERSION
 Family = LatticeFamily
@@ -432,6 +443,6 @@ _moved.install()
 def __getattr__(name: str):
     if name == "figures":  # it loads matplotlib
         return _importlib.import_module(".figures", __name__)
-    if name == "export":  # it loads meshio
+    if name == "export":  # few sessions write files
         return _importlib.import_module(".files.vtk", __name__)
     raise AttributeError(f"module 'pdjax' has no attribute {name!r}{_moved.hint(name)}")

@@ -10,6 +10,8 @@ one line to `COMMANDS`. The modules, in the order in which to read them:
     symbol      pdjax symbol, the spectrum of one state
     atlas       pdjax atlas, all models on all load paths
     design      pdjax design, the least penalty, a stabiliser or an influence function
+    points      pdjax points FILE, what to know of points from a file
+    audit       pdjax audit FILE, whether results from a file can be trusted
     run         pdjax run SCENE, which takes its scenes from the next three modules
     bars        the scenes singular-bar and step-bar of run
     cuboid      the scene cuboid of run
@@ -26,7 +28,7 @@ import warnings
 
 from .._internal.compilation_cache import use_compilation_cache
 from .._internal.json_values import plain
-from . import atlas, bench, critical, design, map, paper, run, symbol
+from . import atlas, audit, bench, critical, design, map, paper, points, run, symbol
 from .common import Parser
 
 COMMANDS = {
@@ -35,6 +37,8 @@ COMMANDS = {
     "symbol": symbol,
     "atlas": atlas,
     "design": design,
+    "points": points,
+    "audit": audit,
     "bench": bench,
     "run": run,
     "paper": paper,
@@ -48,6 +52,8 @@ _EPILOG = """examples
   pdjax symbol --m 0 --a=-0.02                  one state: verdict, most unstable wave and spectrum
   pdjax atlas --dim 2 3                         all models on all load paths: critical strains, zero-energy waves, cost
   pdjax design penalty --m 0 1                  the least zero-energy penalty for strains of +-5 %
+  pdjax points body.csv --horizon 0.3           neighbours, separate pieces and thin places of points from a file
+  pdjax audit run.pvd --model LPS --horizon 0.3 where results of any code can be trusted, and why not
   pdjax bench --quick                           speed and error of the numerical methods, at small sizes
   pdjax run singular-bar                        the paper's singular bar in tension and compression, two models
   pdjax run step-bar --strain=-0.001            the paper's step-size bar at one strain

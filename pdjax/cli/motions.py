@@ -21,7 +21,7 @@ def moving_arguments() -> argparse.ArgumentParser:
         help="time step [time] (default 0.8 of the critical step, for a wave at most 1/300 of a period)",
     )
     common.add_argument("--animate", metavar="FILE", help="also write an animation: FILE.gif, or FILE.mp4 with ffmpeg")
-    common.add_argument("--vtk", metavar="NAME", help="also write NAME.vtu.series for ParaView (needs meshio)")
+    common.add_argument("--vtk", metavar="NAME", help="also write NAME.vtu.series for ParaView")
     common.add_argument("--json", action="store_true", help="print the results as one JSON object")
     return common
 
@@ -70,10 +70,5 @@ def check_outputs(arguments) -> tuple[Path, Path]:
     for extra in (arguments.animate, arguments.vtk):
         if extra:
             writable(extra)
-    if arguments.vtk:
-        import importlib.util
-
-        if importlib.util.find_spec("meshio") is None:
-            raise ValueError("--vtk needs meshio, which is not installed; install it with pip install meshio")
     picture, data = (writable(f"{arguments.out}.{ending}") for ending in ("png", "npz"))
     return picture, data

@@ -4,7 +4,8 @@
 function uses pyplot or another global state of matplotlib: `figure.savefig(path)` writes the picture.
 
     maps and lattices  stability_map, dispersion, dispersion_curves, model_atlas
-    bodies             scene, field, bars
+    bodies             scene, field, bars, neighbours
+    audits             audit, audit_states
     motions            motion, cuboid, animation
     designs            pareto_front
     text               table
@@ -12,10 +13,12 @@ function uses pyplot or another global state of matplotlib: `figure.savefig(path
 """
 
 from .atlas import model_atlas
+from .audits import audit, audit_states
 from .charts import COLOURS, LABELS, SERIES, STYLES, BarCase, bars, dispersion, stability_map
 from .fields import field, scene
 from .fronts import pareto_front
 from .motions import Branch, animation, cuboid, dispersion_curves, motion
+from .neighbours import neighbours
 from .tables import table
 
 __all__ = [
@@ -26,6 +29,8 @@ __all__ = [
     "BarCase",
     "Branch",
     "animation",
+    "audit",
+    "audit_states",
     "bars",
     "cuboid",
     "dispersion",
@@ -33,6 +38,7 @@ __all__ = [
     "field",
     "model_atlas",
     "motion",
+    "neighbours",
     "pareto_front",
     "scene",
     "stability_map",

@@ -81,7 +81,7 @@ def _sides(points: Points) -> np.ndarray:
     return np.broadcast_to(points.spacing or points.volumes ** (1 / points.dim), (len(points),))
 
 
-def _layer(points: Points, cut: Any) -> tuple[np.ndarray, tuple[int, ...], str]:
+def drawn_layer(points: Points, cut: Any) -> tuple[np.ndarray, tuple[int, ...], str]:
     """Which points are drawn (points,), the axes of the picture, and the layer in words."""
     dim = points.dim
     if dim < 3:
@@ -151,7 +151,7 @@ def _tiles(points: Points, X: np.ndarray, place: np.ndarray, side: np.ndarray) -
     return place[:, None, :] + radius[:, None, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
 
 
-def _page(extent: np.ndarray) -> tuple[float, np.ndarray]:
+def on_page(extent: np.ndarray) -> tuple[float, np.ndarray]:
     """Inches for a unit of length, and the size (2,) of the drawn body on the page [inch]."""
     extent = np.maximum(extent, 1e-3 * extent.max())
     scale = float(min(ROOM[0] / extent[0], ROOM[1] / extent[1]))
@@ -228,34 +228,58 @@ def field(points: Points, values, u=None, title: str = "", label: str = "", comp
     """
     values, place = _checked(points, values, u)
     shown, name = _component(values, component, points.dim)
-    kept, across, layer = _layer(points, cut)
+    kept, across, layer = drawn_layer(points, cut)
     label = ", ".join(word for word in (label, name) if word)
     if points.dim == 1:
         return _curve(place[:, 0], shown, u is not None, title, label)
-    X = points.positions[kept][:, across]
-    place, shown = X if u is None else place[kept][:, across], shown[kept]
-    tiles = _tiles(points, X, place, _sides(points)[kept])
-    low, high, kind = _limits(shown)
-    cmap = matplotlib.colormaps["RdBu_r" if kind == "signed" else "cividis"].with_extremes(bad=GREY)
-    _, (width, height) = _page(np.ptp(tiles.reshape(-1, 2), axis=0))
-    below, masked = width > WIDE * height, np.ma.masked_invalid(shown)
+    tiles, shown = outlines(points, place, kept, across), shown[kept]
+    missing = bool((~np.isfinite(shown)).any())
+    _, (width, height) = on_page(np.ptp(tiles.reshape(-1, 2), axis=0))
+    below = width > WIDE * height
     width += 1.0 if below else 2.0  # room for the colour bar, the labels and the legend
-    height += (2.2 if below else 1.2) + 0.3 * masked.mask.any()
+    height += (2.2 if below else 1.2) + 0.3 * missing
     figure = Figure(figsize=(max(width, 3.8), max(height, 2.6)), layout="constrained")
     axes = figure.subplots()
+    paint(axes, tiles, shown, label, across, below)
+    if missing:
+        grey = Patch(facecolor=GREY, edgecolor="#888888", label="no value")
+        figure.legend(handles=[grey], loc="outside lower center", fontsize=9, frameon=False)
+    axes.set_title("\n".join(word for word in (title, layer) if word), fontsize=10)
+    return figure
+
+
+def outlines(points: Points, place: np.ndarray, kept: np.ndarray, across: tuple[int, ...]) -> np.ndarray:
+    """Outlines (kept, corners, 2) of the cells or discs of the points that are drawn, at `place` (points, dim)."""
+    X = points.positions[kept][:, across]
+    moved = X if place is points.positions else place[kept][:, across]
+    return _tiles(points, X, moved, _sides(points)[kept])
+
+
+def paint(
+    axes: Axes,
+    tiles: np.ndarray,
+    shown: np.ndarray,
+    label: str,
+    across: tuple[int, ...],
+    below: bool,
+    signed: bool = False,
+) -> None:
+    """Draw values (kept,) on the outlines, with a colour bar on the right or below.
+
+    If `signed` is True, the colours are symmetric about 0 also for values of one sign.
+    """
+    low, high, kind = _limits(np.concatenate([shown, -shown]) if signed else shown)
+    cmap = matplotlib.colormaps["RdBu_r" if kind == "signed" else "cividis"].with_extremes(bad=GREY)
+    masked = np.ma.masked_invalid(shown)
     drawn = PolyCollection(list(tiles), array=masked, cmap=cmap, edgecolors="face", linewidths=0.5, rasterized=True)
     drawn.set_clim(low, high)
     axes.add_collection(drawn)
     axes.autoscale_view()
     axes.set_aspect("equal")
     axes.set_facecolor(AROUND)
+    figure: Any = axes.figure
     figure.colorbar(drawn, ax=axes, label=label, location="bottom" if below else "right", shrink=0.9)
-    if masked.mask.any():
-        grey = Patch(facecolor=GREY, edgecolor="#888888", label="no value")
-        figure.legend(handles=[grey], loc="outside lower center", fontsize=9, frameon=False)
     axes.set(xlabel=f"{XYZ[across[0]]}  [length]", ylabel=f"{XYZ[across[1]]}  [length]")
-    axes.set_title("\n".join(word for word in (title, layer) if word), fontsize=10)
-    return figure
 
 
 def _thinned(X: np.ndarray, cell: float, side: float) -> np.ndarray:
@@ -359,7 +383,7 @@ def scene(scene: Scene, title: str = "") -> Figure:
     room = cell if loads else 0.02 * longest
     low, high = low - room, high + room
     extent = (high - low)[:2] if dim == 2 else np.full(2, longest)
-    inches, drawn = _page(extent)
+    inches, drawn = on_page(extent)
     lines = (2 + len(supports) + len(loads)) // 2
     width, height = (7.0, 1.0) if dim == 1 else (max(drawn[0] + 0.8, 5.4), drawn[1])
     if dim == 3:

@@ -29,15 +29,16 @@ READERS = {
     ".lmp": "lammps_data",
     ".dump": "lammps_dump",
     ".lammpstrj": "lammps_dump",
-    ".vtu": "meshes",
-    ".vtk": "meshes",
-    ".msh": "meshes",
-    ".inp": "meshes",
-    ".exo": "meshes",
-    ".e": "meshes",
-    ".ex2": "meshes",
+    ".vtu": "vtu",
+    ".vtk": "legacy_vtk",
+    ".msh": "gmsh",
+    ".inp": "abaqus",
+    ".exo": "exodus",
+    ".e": "exodus",
+    ".ex2": "exodus",
     ".pvd": "series",
     ".series": "series",
+    ".pvtu": "series",
 }
 
 

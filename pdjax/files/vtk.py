@@ -1,19 +1,22 @@
 """VTK files of bodies and results, for ParaView and other programs.
 
 Every point of the body is a vertex. A single state becomes one file, NAME.vtu. A motion or an equilibrium path becomes
-one file a state, and NAME.vtu.series lists these files. An interrupted run leaves no incomplete file. Vectors are
-padded to three components and tensors to nine (row by row), because VTK has no smaller ones. The optional package
-meshio writes the files: `pip install meshio`.
+one file a state, and a list of these files: NAME.vtu.series, or NAME.pvd if the path ends so. Vectors are padded to
+three components and tensors to nine (row by row), because VTK has no smaller ones. VTK has no sets, so a set NAME is a
+field "set:NAME" of zeros and ones. `read_points` reads all of this again, with the same bits.
+
+An interrupted run leaves no incomplete file, and no list: the list is written last.
 """
 
 import json
 import os
 from pathlib import Path
 from typing import NamedTuple
+from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
-from .._internal.checks import moved_whole, on_host, writable, written_whole
+from .._internal.checks import finite, native, on_host, writable, written_whole
 from .._internal.public import public_function
 from ..finite_body.dynamics.history import History
 from ..finite_body.scene import Scene
@@ -21,6 +24,8 @@ from ..finite_body.statics.arc_length import EquilibriumPath
 from ..finite_body.statics.result import Equilibrium
 from ..geometry.bonds import Families
 from ..geometry.points import Points
+from .meshes import SET
+from .vtu_write import write as write_vtu
 
 Body = Scene | Points | Families
 Result = History | Equilibrium | EquilibriumPath
@@ -82,8 +87,10 @@ def write_vtk(
     result: Result | str | os.PathLike | None = None,
     path: str | os.PathLike | None = None,
     fields: dict | None = None,
+    sets: dict | None = None,
+    times=None,
 ) -> Path:
-    """Write a body, its result and more fields to VTK files for ParaView.
+    """Write a body, its result, more fields and sets to VTK files for ParaView and other programs.
 
     Parameters
     ----------
@@ -92,84 +99,132 @@ def write_vtk(
     result : History, Equilibrium or EquilibriumPath, optional
         A result of `simulate`, `solve` or `equilibrium_path` for this body.
     path : str or path
-        File name NAME without extension.
+        File name NAME without extension, or NAME.pvd.
     fields : dict, optional
         More arrays by name, for example a stress. Each has the shape (points, …), or (states, points, …) for a
         history or an equilibrium path.
+    sets : dict, optional
+        Masks by name: arrays of bool of shape (points,). The set NAME is written as the field "set:NAME".
+    times : array, shape (states,), optional
+        Times of several states without a result. Every array of `fields` then has the shape (states, points, …).
 
     Returns
     -------
     pathlib.Path
-        The file to open: NAME.vtu, or NAME.vtu.series for a history or an equilibrium path.
+        The file to open: NAME.vtu, or NAME.vtu.series for a history or an equilibrium path. If the path ends in .pvd
+        it is always NAME.pvd.
 
     Raises
     ------
-    ImportError
-        If meshio is not installed.
     ValueError
-        If a field has another shape, the history holds no fields, or `body` or `result` has another type.
+        If a field has another shape or does not hold real numbers, the history holds no fields, or `body` or `result`
+        has another type.
     OSError
         If the files cannot be written.
 
     Notes
     -----
-    The files of a series are NAME-0000.vtu, NAME-0001.vtu, and so on. The time of a state of an equilibrium path is the
+    The files of a list are NAME-0000.vtu, NAME-0001.vtu, and so on. The time of a state of an equilibrium path is the
     number of the state. If there is no result, the second argument may be the path.
+
+    ParaView opens both kinds of lists. NAME.vtu.series needs ParaView 5.5 or later; older versions and many other
+    programs know NAME.pvd.
 
     Examples
     --------
     >>> import tempfile
     >>> body = pd.lattice((5, 4))
+    >>> x, y = body.positions.T
     >>> with tempfile.TemporaryDirectory() as folder:
-    ...     pd.export.write_vtk(body, path=f"{folder}/plate", fields={"height": body.positions[:, 1]}).name
+    ...     pd.export.write_vtk(body, path=f"{folder}/plate", fields={"height": y}, sets={"left": x < 1}).name
     'plate.vtu'
     """
-    try:
-        import meshio
-    except ImportError as error:
-        raise ImportError("writing VTK needs meshio: pip install meshio") from error
     if isinstance(result, str | os.PathLike) and path is None:
         result, path = None, result
     if not isinstance(body, Body):
         raise ValueError(f"body must be a Scene, Points or Families; got {type(body).__name__}")
     if path is None:
         raise ValueError('path must name the files, without extension; got none: write_vtk(scene, result, "plate")')
-    states, own = _states(result), _own_fields(body)
-    where = _positions(body)
+    states, where = _states(result), _positions(body)
+    if times is not None:
+        if result is not None:
+            raise ValueError(f"times is for fields without a result; this {type(result).__name__} has its own times")
+        states = _States({}, finite("times", times).reshape(-1))
+    own = {name: _real(name, values) for name, values in _own_fields(body).items()} | _masks(sets, len(where))
     series = states.times is not None
     shape = (len(states.times), len(where)) if states.times is not None else (len(where),)
-    columns = states.fields | {name: np.asarray(values) for name, values in ({} if fields is None else fields).items()}
+    columns = {name: _real(name, values) for name, values in (states.fields | (fields or {})).items()}
     for name, values in columns.items():
-        if values.shape[: len(shape)] != shape:
+        if values.shape[: len(shape)] != shape or 0 in values.shape:
             axes = "states, points" if series else "points"
             raise ValueError(f"field {name} must have shape ({axes}, …) = {(*shape, '…')}; got {values.shape}")
     path = Path(path)
-    path = path.with_name(path.name.removesuffix(".series").removesuffix(".vtu"))
-    cells, positions = [("vertex", np.arange(len(where))[:, None])], _three(where)
+    listing = path.suffix == ".pvd"
+    path = path.with_name(path.name.removesuffix(".pvd").removesuffix(".series").removesuffix(".vtu"))
 
     def write(file: Path, now: dict[str, np.ndarray]) -> None:
-        data = {name: _three(values) for name, values in (own | now).items()}
-        part = file.with_name(file.name + ".part.vtu")
-        with moved_whole(file, part):
-            meshio.write(part, meshio.Mesh(positions, cells, point_data=data))
+        with written_whole(file) as stream:
+            write_vtu(stream, _three(where), {name: _three(values) for name, values in (own | now).items()})
 
-    if states.times is None:
+    if states.times is None and not listing:
         file = writable(path.with_name(path.name + ".vtu"))
         write(file, columns)
         return file
-    listing, entries = writable(path.with_name(path.name + ".vtu.series")), []
-    for state, time in enumerate(states.times):
-        file = path.with_name(f"{path.name}-{state:04d}.vtu")
-        write(file, {name: values[state] for name, values in columns.items()})
-        entries.append({"name": file.name, "time": float(time)})
-    with written_whole(listing) as stream:
-        stream.write(json.dumps({"file-series-version": "1.0", "files": entries}, indent=1).encode())
-    return listing
+    times = [0.0] if states.times is None else [float(time) for time in states.times]
+    listed = writable(path.with_name(path.name + (".pvd" if listing else ".vtu.series")))
+    listed.unlink(missing_ok=True)  # an earlier list would mix the states of two runs, if this one is interrupted
+    names = [f"{path.name}-{state:04d}.vtu" for state in range(len(times))]
+    for state, name in enumerate(names):
+        now = {name: values[state] if series else values for name, values in columns.items()}
+        write(path.with_name(name), now)
+    with written_whole(listed) as stream:
+        stream.write((_pvd if listing else _series)(names, times).encode())
+    return listed
+
+
+def _series(names: list[str], times: list[float]) -> str:
+    """The list of files that ParaView knows as NAME.vtu.series."""
+    entries = [{"name": name, "time": time} for name, time in zip(names, times, strict=True)]
+    return json.dumps({"file-series-version": "1.0", "files": entries}, indent=1)
+
+
+def _pvd(names: list[str], times: list[float]) -> str:
+    """The list of files that ParaView and others know as NAME.pvd."""
+    entries = (
+        f'<DataSet timestep="{time!r}" group="" part="0" file={quoteattr(name)}/>\n'
+        for name, time in zip(names, times, strict=True)
+    )
+    start = '<?xml version="1.0" encoding="UTF-8"?>\n<VTKFile type="Collection" version="0.1">\n<Collection>\n'
+    return start + "".join(entries) + "</Collection>\n</VTKFile>\n"
+
+
+def _real(name: object, values: object) -> np.ndarray:
+    """A field as an array of a type that VTK has. Booleans become 0 and 1, half precision becomes single."""
+    if not isinstance(name, str) or not name.strip() or not name.isprintable():
+        raise ValueError(f"names of fields must be printable words; got {name!r}")
+    array = native(f"field {name}", values)
+    if array.dtype.kind == "c":
+        raise ValueError(f"field {name} must hold real numbers; got {array.dtype}. Write .real and .imag as two fields")
+    if array.dtype == bool:
+        return array.astype(np.uint8)
+    if array.dtype.kind not in "iu" and array.dtype not in (np.float32, np.float64):
+        return array.astype(np.float32 if array.dtype.itemsize < 4 else np.float64)
+    return array
+
+
+def _masks(sets: dict | None, points: int) -> dict[str, np.ndarray]:
+    """Sets as fields of zeros and ones."""
+    masks = {}
+    for name, mask in (sets or {}).items():
+        array = np.asarray(mask)
+        if array.dtype != bool or array.shape != (points,):
+            raise ValueError(f"set {name} must be a mask, bool of shape ({points},); got {array.dtype} {array.shape}")
+        masks[SET + name] = _real(f"{SET}{name}", array)
+    return masks
 
 
 def _three(values: np.ndarray) -> np.ndarray:
     """Vectors padded to three components, tensors padded to 3 × 3 and flattened row by row; scalars unchanged."""
-    values = values.astype(np.uint8) if values.dtype == bool else values
     lacking = [(0, 0)] + [(0, 3 - n) if n < 3 else (0, 0) for n in values.shape[1:]]
     if values.ndim in (2, 3) and all(n <= 3 for n in values.shape[1:]):
         values = np.pad(values, lacking)

@@ -11,13 +11,14 @@ The forces between two points on the same side cancel in this sum, so only force
 definition suits a nonlocal body: it needs neither an area nor a stress field. In tension along e, F points along +e.
 """
 
-from typing import NamedTuple
+from typing import NamedTuple, Protocol, runtime_checkable
 
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from .._internal.checks import Numbers
 from ..geometry.points import Points
 from .conditions import check_points, point_numbers
 from .scene import Scene
@@ -50,11 +51,41 @@ class Snapshot(NamedTuple):
     2.0
     """
 
-    t: Float[Array, ""]
-    factor: Float[Array, ""]
-    u: Float[Array, "points dim"]
-    v: Float[Array, "points dim"]
-    force: Float[Array, "points dim"]
+    t: Float[Numbers, ""]
+    factor: Float[Numbers, ""]
+    u: Float[Numbers, "points dim"]
+    v: Float[Numbers, "points dim"]
+    force: Float[Numbers, "points dim"]
+
+
+@runtime_checkable
+class HostObserver(Protocol):
+    """An observer that runs on the host, with NumPy arrays, and may stop the run.
+
+    `__call__(scene, snapshot)` returns a dictionary of arrays or numbers, with the same keys and shapes at every save.
+    `stops(value)` gets what it returned, and returns the reason to stop the run, or an empty string. Only `simulate`
+    accepts such an observer, and not under a transformation of JAX.
+
+    Examples
+    --------
+    A run that ends when a bond is stretched too far:
+
+    >>> class Tip:
+    ...     def __call__(self, scene, now):
+    ...         return {"tip": now.u[-1, 0]}
+    ...     def stops(self, value):
+    ...         return f"the tip has moved by {value['tip']:.2f}" if value["tip"] > 0.05 else ""
+    >>> body = pd.bar(3, 3.0)
+    >>> held, pull = pd.prescribe([0], 0.0), pd.total_force([2], [0.1])
+    >>> motion = pd.motion(pd.scene(body, pd.families(body, 1.0), pd.BondBased(1.0), held, pull))
+    >>> history = pd.simulate(motion, 60.0, dt=0.5, save_every=1, observers={"tip": Tip()}, show_progress=False)
+    >>> history.reason, history.times.tolist()
+    ('an observer stopped the run: tip, the tip has moved by 0.10', [0.0, 0.5, 1.0, 1.5])
+    """
+
+    def __call__(self, scene: Scene, now: Snapshot, /) -> dict: ...
+
+    def stops(self, value: dict, /) -> str: ...
 
 
 def _check_points(points: np.ndarray, mask: int | None, scene: Scene) -> None:
@@ -62,7 +93,7 @@ def _check_points(points: np.ndarray, mask: int | None, scene: Scene) -> None:
         check_points("an observer", points, mask, scene.prescribed.shape[0])
 
 
-def check_observers(scene: Scene, observers: object) -> None:
+def check_observers(scene: Scene, observers: object, on_host: bool = True) -> None:
     """Check that observers are functions and that the points they name belong to the body.
 
     Without this check JAX would silently read another point for a point number outside the body.
@@ -73,11 +104,14 @@ def check_observers(scene: Scene, observers: object) -> None:
         The scene of the motion.
     observers : dict of str to function
         Functions (scene, snapshot) → array. An observer with a method `check(scene)` is asked to check itself.
+    on_host : bool, optional
+        Whether observers that run on the host are allowed. Default True.
 
     Raises
     ------
     ValueError
-        If `observers` is not a dictionary of functions, or if an observer names a point that the body does not have.
+        If `observers` is not a dictionary of functions, if an observer names a point that the body does not have, or if
+        an observer runs on the host where this is not possible.
 
     Examples
     --------
@@ -92,6 +126,10 @@ def check_observers(scene: Scene, observers: object) -> None:
     for name, observer in observers.items():
         if not callable(observer):
             raise ValueError(f"observer {name!r} must be a function (scene, snapshot) → array; got {observer!r:.80}")
+        if isinstance(observer, HostObserver) and not on_host:
+            raise ValueError(
+                f"observer {name!r} runs on the host, which only simulate without a transformation of JAX can do"
+            )
         if hasattr(observer, "check"):
             observer.check(scene)
 

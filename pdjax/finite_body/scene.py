@@ -23,7 +23,6 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-import scipy.sparse as sp
 from jaxtyping import Array, Bool, Float, Int
 
 from .._internal.checks import Numbers, Tree, as_array, deformation_gradient, is_concrete, namespace, on_device, on_host
@@ -34,6 +33,7 @@ from ..geometry.bonds import Families
 from ..geometry.points import Points, check_body
 from ..models.base import AbstractModel
 from .conditions import Condition, HomogeneousTraction, Prescribed, TotalForce, check_points
+from .rigid_motions import free_pieces
 
 
 class Scene(eqx.Module):
@@ -293,39 +293,6 @@ def _load(conditions: Sequence[Condition], body: Points, families: Families, mod
     return load
 
 
-def _rigid_motions(positions: np.ndarray, periodic: bool) -> tuple[np.ndarray, list[str]]:
-    """Infinitesimal rigid motions (motions, points, dim), of unit size, and their names."""
-    points, dim = positions.shape
-    axes = "xyz"[:dim]
-    motions, names = [], []
-    for k in range(dim):
-        motions.append(np.broadcast_to(np.eye(dim)[k], (points, dim)))
-        names.append(f"translation along {axes[k]}")
-    centred = positions - positions.mean(axis=0)
-    size = max(float(np.abs(centred).max()), np.finfo(float).tiny)
-    for i in range(0 if periodic else dim):
-        for k in range(i + 1, dim):
-            turn = np.zeros((points, dim))
-            turn[:, i], turn[:, k] = -centred[:, k] / size, centred[:, i] / size
-            if np.abs(turn).max() > 0:
-                motions.append(turn)
-                names.append(f"rotation in the plane {axes[i]}{axes[k]}")
-    return np.array(motions), names
-
-
-def _name_motions(loose: np.ndarray, names: list[str], dim: int) -> list[str]:
-    """Names of the free motions, given as coefficients (motions, coefficients) of the named rigid motions.
-
-    A mixture of rotation and translation is a rotation about some held point, so it gets the name of the rotation.
-    """
-    size, directions = np.linalg.svd(loose, full_matrices=False)[1:]
-    span = directions[size > 1e-9 * size[0]]
-    share = np.sum(span**2, axis=0)  # the fraction of each named motion that is free
-    pure = [k for k in range(len(names)) if share[k] > 1 - 1e-6]
-    mixed = sorted((k for k in range(len(names)) if k not in pure), key=lambda k: (k < dim, -share[k]))
-    return [names[k] for k in sorted([*pure, *mixed[: len(span) - len(pure)]])]
-
-
 def _check_held(body: Points, families: Families, held: np.ndarray) -> None:
     """Raise ValueError that names the rigid motions of each connected piece that no support prevents.
 
@@ -333,31 +300,15 @@ def _check_held(body: Points, families: Families, held: np.ndarray) -> None:
     """
     if not is_concrete(families):
         return
-    from scipy.sparse.csgraph import connected_components
-
-    true = np.asarray(families.weight) * np.asarray(families.influence) > 0
-    i, slot = np.nonzero(true)
-    graph = sp.coo_array((np.ones(len(i)), (i, np.asarray(families.neighbours)[i, slot])), shape=(len(body),) * 2)
-    pieces, label = connected_components(graph, directed=False)
-    for piece in range(pieces):
-        inside = np.flatnonzero(label == piece)
-        motions, names = _rigid_motions(body.positions[inside], body.period is not None)
-        flat = motions.reshape(len(names), -1)
-        # Only motions that move a point enter the orthonormal basis: points on a line cannot rotate about the line.
-        size, mix = np.linalg.eigh(flat @ flat.T)
-        basis = (mix / np.sqrt(np.maximum(size, np.finfo(float).tiny))).T[size > 1e-10 * size[-1]]
-        at_held = np.einsum("mk,kh->mh", basis, motions[:, held[inside]])  # (motions, held components)
-        square = np.linalg.qr(at_held.T, mode="r") if at_held.shape[1] > len(basis) else at_held.T
-        _, grip, directions = np.linalg.svd(np.concatenate([square, np.zeros((len(basis), len(basis)))]))
-        loose = directions[grip <= 1e-9 * np.sqrt(max(1, at_held.shape[1]) / flat.shape[1])] @ basis
-        if len(loose):
-            names = _name_motions(loose, names, body.dim)
-            where = "the body" if pieces == 1 else f"piece {piece + 1} of {pieces} (it contains point {inside[0]})"
-            raise ValueError(
-                f"{where} is under-constrained: nothing holds its {', '.join(names)}"
-                f" ({len(loose)} rigid motions free); prescribe displacements that stop them, or make the scene with"
-                " moving=True if it is to move in time"
-            )
+    for piece in free_pieces(body.positions, families, held, body.period is not None):
+        where = (
+            "the body" if piece.of == 1 else f"piece {piece.number} of {piece.of} (it contains point {piece.points[0]})"
+        )
+        raise ValueError(
+            f"{where} is under-constrained: nothing holds its {', '.join(piece.names)}"
+            f" ({len(piece.motions)} rigid motions free); prescribe displacements that stop them, or make the scene"
+            " with moving=True if it is to move in time"
+        )
 
 
 def _checked_conditions(conditions: Sequence[object]) -> list[Condition]:

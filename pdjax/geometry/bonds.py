@@ -302,7 +302,7 @@ def lattice_family(dim: int, N: float, spacing=1.0, influence: Callable | str = 
     first = first[np.lexsort((*first.T[::-1], (first**2).sum(axis=1)))]
     xi = np.concatenate([first, -first]).astype(spacing.dtype) * spacing
     horizon = N * spacing
-    omega = checked_influence(influence, xp.linalg.norm(xi, axis=1), horizon)
+    omega = checked_influence(named_influence(influence, spacing), xp.linalg.norm(xi, axis=1), horizon)
     return LatticeFamily(*on_device((xi, omega, np.ones(omega.shape, omega.dtype), horizon, spacing)))
 
 

@@ -17,11 +17,13 @@ traced and differentiated.
     "parabolic"         1 for q ≤ ½, 4q(1 − q) beyond             Peridigm "Parabolic Decay"
     "gaussian"          exp(−(q/width)²), width ½                 Peridigm "Gaussian" with width 1
     "cubic spline"      1 − 6q² + 6q³ for q ≤ ½, 2(1 − q)³ beyond Peridynamics.jl "cubic B-spline"
+    "partial volume"    ½ + (δ − r)/h, limited to [0, 1]          LAMMPS, with the spacing h
 
 A constant factor on ω does not change correspondence models and LPS, because they divide their sums by sums of ω.
 
 The horizon may cut the cell of a neighbour. `partial_volume_influence` then counts only a part of the neighbour's
-volume. ω and V enter every sum as a product, so it applies the factor to ω.
+volume. ω and V enter every sum as a product, so it applies the factor to ω. By name it takes the spacing of the
+lattice, or for a cloud V^(1/dim) of the median volume.
 
 Sources: Silling & Askari 2005 and Seleson & Parks 2011 for the common choices, Monaghan 1992 for the spline, Parks et
 al. 2008 for the partial volumes (LAMMPS).
@@ -249,13 +251,24 @@ INFLUENCES: dict[str, Callable] = {
 }
 
 
-def named_influence(influence: object) -> Callable:
-    """Return the influence function itself, or the one with this name in `INFLUENCES`."""
+PARTIAL = "partial volume"  # the one name whose function depends on the spacing
+
+
+def named_influence(influence: object, spacing: object = None) -> Callable:
+    """Return the influence function itself, or the one with this name.
+
+    The name "partial volume" is `partial_volume_influence` with ω = 1. It needs the spacing of the points.
+    """
+    names = (*INFLUENCES, PARTIAL)
     if isinstance(influence, str):
-        return INFLUENCES[choice("influence", influence, tuple(INFLUENCES))]
+        if choice("influence", influence, names) != PARTIAL:
+            return INFLUENCES[influence]
+        if spacing is None:
+            raise ValueError(f"influence {PARTIAL!r} needs a spacing here; use pd.partial_volume_influence(ω, spacing)")
+        return partial_volume_influence("constant", spacing)
     if not callable(influence):
         raise ValueError(
-            f"influence must be a function (r, horizon) → ω, or one of {', '.join(INFLUENCES)}; got {influence!r}"
+            f"influence must be a function (r, horizon) → ω, or one of {', '.join(names)}; got {influence!r}"
         )
     return influence
 

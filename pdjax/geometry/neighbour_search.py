@@ -16,7 +16,7 @@ import numpy as np
 from .._internal.checks import is_concrete, namespace, on_device
 from .._internal.public import public_function
 from .bonds import TIE, Families, Grid, cells_within, checked_influence
-from .influence import constant_influence
+from .influence import constant_influence, named_influence
 from .points import Points, check_body
 from .stencils import LatticeArrays
 from .ties import BAND, CLEAR, CutShell, cut_shell, tie_radius
@@ -54,8 +54,8 @@ def in_box(body: Points) -> tuple[np.ndarray, np.ndarray | None]:
     return np.where((box > 0) & (X >= box), 0.0, X), box  # np.mod(-1e-17, 1.0) is 1.0
 
 
-def pairs_within(body: Points, radius: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """All pairs i < j of points within `radius`: i, j and the vectors X_j − X_i, the shortest in a periodic box.
+def search_tree(body: Points, radius: float) -> tuple[Any, np.ndarray, np.ndarray | None]:
+    """The search tree of the points for this radius, with the positions and the lengths of the box by `in_box`.
 
     Raises ValueError if points coincide, or if a periodic box is not longer than twice the radius.
     """
@@ -68,11 +68,25 @@ def pairs_within(body: Points, radius: float) -> tuple[np.ndarray, np.ndarray, n
     if len(near):
         i, j = near[0]
         raise ValueError(f"positions must be distinct; points {i} and {j} coincide ({len(near)} such pairs)")
-    i, j = tree.query_pairs(radius, output_type="ndarray").T
+    return tree, X, box
+
+
+def bond_vectors(body: Points, box: np.ndarray | None, i: np.ndarray, j: np.ndarray) -> np.ndarray:
+    """X_j − X_i [length], the shortest in a periodic box."""
     vectors = body.positions[j] - body.positions[i]
     if box is not None:
         vectors -= box * np.round(vectors / np.where(box > 0, box, np.inf))
-    return i, j, vectors
+    return vectors
+
+
+def pairs_within(body: Points, radius: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """All pairs i < j of points within `radius`: i, j and the vectors X_j − X_i, the shortest in a periodic box.
+
+    Raises ValueError if points coincide, or if a periodic box is not longer than twice the radius.
+    """
+    tree, _, box = search_tree(body, radius)
+    i, j = tree.query_pairs(radius, output_type="ndarray").T
+    return i, j, bond_vectors(body, box, i, j)
 
 
 def _warn_of_cut_shell(cut: CutShell, body: Points, horizon: float) -> None:
@@ -99,7 +113,8 @@ def families(
     horizon : float
         Horizon δ [length]. It decides which points are neighbours, so it can't be traced.
     influence : callable or str, optional
-        Influence function (r, δ) → ω ≥ 0, or its name, such as "gaussian" (see `pdjax.geometry.influence`).
+        Influence function (r, δ) → ω ≥ 0, or its name, such as "gaussian" or "partial volume" (see
+        `pdjax.geometry.influence`).
     arrays : bool, optional
         False, for lattices only, keeps the stencil and makes no arrays over points and bonds. This is enough for
         `force_density`, `force_operator`, `jvp` and `slab_force`; energies, motions and matrices need the arrays.
@@ -186,7 +201,8 @@ def _of_lattice(body: Points, horizon: float, influence: Callable | str, arrays:
     vectors = offsets * body.spacing
     made = LatticeArrays(body, offsets, periodic, arrays)
     _refuse_lonely(made.count, horizon)
-    omega = checked_influence(influence, np.linalg.norm(vectors, axis=1).astype(real), delta)
+    function = named_influence(influence, body.spacing)
+    omega = checked_influence(function, np.linalg.norm(vectors, axis=1).astype(real), delta)
     half = len(offsets) // 2
     order = np.concatenate([np.arange(half, len(offsets)), np.arange(half)[::-1]])
     grid = Grid(
@@ -230,7 +246,8 @@ def pack(body: Points, horizon: float, influence: Callable | str, directed: tupl
 
     real = jnp.result_type(float)
     delta = np.asarray(horizon, dtype=real)
-    omega = checked_influence(influence, np.linalg.norm(xi, axis=-1).astype(real), delta)
+    function = named_influence(influence, body.spacing or float(np.median(body.volumes)) ** (1 / body.dim))
+    omega = checked_influence(function, np.linalg.norm(xi, axis=-1).astype(real), delta)
     neighbours, reverse, count = on_device(tuple(x.astype(np.int32) for x in (neighbours, reverse, count)))
     xi, weight, volumes = on_device(tuple(x.astype(real) for x in (xi, weight, body.volumes)))
     omega, delta, at = on_device((omega, delta, body.positions.astype(real)))

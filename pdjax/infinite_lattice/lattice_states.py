@@ -105,21 +105,32 @@ def _linearise(
     return jax.lax.fori_loop(0, count, lambda i, out: out.at[i].set(one(F[i])), blank)
 
 
-def linearised(model: AbstractModel, family: LatticeFamily, F: np.ndarray) -> States:
-    """Linearise a model at up to STATES states F (states, dim, dim). No value is traced, and the family is checked."""
+def linearised_now(model: AbstractModel, family: LatticeFamily, F: np.ndarray) -> np.ndarray:
+    """The blocks B_o (states, offsets, dim, dim) of up to STATES states F (states, dim, dim), which are not kept."""
+    return _blocks(model, family, F)[1 : len(F) + 1]
+
+
+def _blocks(model: AbstractModel, family: LatticeFamily, F: np.ndarray) -> np.ndarray:
+    """The blocks of the undeformed state and of the states F. The rows behind them are unset."""
     dim, count = family.dim, len(F)
     every = np.broadcast_to(np.eye(dim), (STATES + 1, dim, dim)).copy()  # the first remains the undeformed state
     every[1 : count + 1] = F
+    out = computed_in_double(_linearise, model, family, every, np.asarray(count + 1))
+    if tangent_kind(model).series_on_host:
+        states = [jax.tree.map(lambda x, i=i: x[i], out) for i in range(count + 1)]
+        out = np.stack([series(state, dim, len(family.influence)) for state in states])
+    return np.asarray(out)
+
+
+def linearised(model: AbstractModel, family: LatticeFamily, F: np.ndarray) -> States:
+    """Linearise a model at up to STATES states F (states, dim, dim). No value is traced, and the family is checked."""
 
     def make():
-        out = computed_in_double(_linearise, model, family, every, np.asarray(count + 1))
-        if tangent_kind(model).series_on_host:
-            states = [jax.tree.map(lambda x, i=i: x[i], out) for i in range(count + 1)]
-            out = np.stack([series(state, dim, len(family.influence)) for state in states])
+        out = _blocks(model, family, F)
         offsets, h = offsets_of(model, family), float(family.spacing)
-        return States(out[1 : count + 1], offsets, float(modulus_of(out[0], offsets, h)), h)
+        return States(out[1 : len(F) + 1], offsets, float(modulus_of(out[0], offsets, h)), h)
 
-    return remember(family, ("linearised", value_key(model), every.tobytes(), count), make)
+    return remember(family, ("linearised", value_key(model), F.shape, F.tobytes()), make)
 
 
 def has_series(model: AbstractModel) -> bool:

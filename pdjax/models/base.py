@@ -33,6 +33,7 @@ from typing import ClassVar, NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float, PyTree
 
 from .._internal.checks import floats_to_arrays, inside_jit, is_concrete
@@ -200,6 +201,14 @@ class AbstractModel(eqx.Module):
         """The matrix that must be invertible for this model to make sense, one for each bond if bonds have
         sub-families; None if there is none."""
         return None
+
+    def extension_energies(self, sums: Callable[[int, int], np.ndarray]) -> np.ndarray:
+        """W of every family under the unit extension ε = e_k⊗e_k along each axis k, up to a factor, (families, dim).
+
+        `sums(power, order)` is Σ w |ξ|^power n_k^order for every family and axis. `surface_correction` needs this
+        method; models without it refuse that correction.
+        """
+        raise NotImplementedError(f"{type(self).__name__} defines no extension_energies(sums)")
 
     @one_program
     def local_energy(self, F: Float[Array, "dim dim"]) -> Float[Array, ""]:

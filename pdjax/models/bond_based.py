@@ -21,6 +21,7 @@ f_ij = t(c_i) + t(c_j), the derivative of the energy Σ V_i W_i. It equals the f
 Sources: Silling 2000; Silling & Askari 2005; Gerstle et al. 2005.
 """
 
+from collections.abc import Callable
 from typing import ClassVar
 
 import equinox as eqx
@@ -238,6 +239,9 @@ class BondBased(PointStateModel):
         xi, eta = bonds.xi, bonds.eta
         e = stretch_minus_one(xi, eta) if self.m is None else seth_hill(log_stretch(xi, eta), self.m)
         return 0.25 * self.c * jnp.sum(bonds.omega * bonds.volume * jnp.linalg.norm(xi, axis=1) * e**2)
+
+    def extension_energies(self, sums: Callable[[int, int], np.ndarray]) -> np.ndarray:
+        return sums(1, 4)  # the stretch of a bond is n_k²
 
     def moments(self, bond: Bonds) -> tuple[tuple[()], tuple[()]]:
         return (), ()

@@ -21,10 +21,12 @@ is not a derivative of this energy. For two points with moduli E and 2E and volu
 Source: Silling et al. 2007.
 """
 
+from collections.abc import Callable
 from typing import ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from .._internal.checks import as_real, check_positive
@@ -135,6 +137,14 @@ class LPS(PointStateModel):
         e, theta, _, alpha = self._extensions(bonds)
         deviation = e - theta * jnp.linalg.norm(bonds.xi, axis=1) / bonds.xi.shape[1]
         return 0.5 * self.bulk * theta**2 + 0.5 * alpha * jnp.sum(bonds.omega * bonds.volume * deviation**2)
+
+    def extension_energies(self, sums: Callable[[int, int], np.ndarray]) -> np.ndarray:
+        square, fourth = sums(2, 2), sums(2, 4)
+        dim, m_w = square.shape[1], square.sum(axis=1, keepdims=True)
+        mean = np.divide(square, m_w, out=np.zeros(square.shape), where=m_w > 0)  # θ/d
+        bulk, shear = (np.asarray(x, float)[..., None] for x in (self.bulk, self.shear))
+        deviation = np.divide(fourth, m_w, out=np.zeros(square.shape), where=m_w > 0) - mean**2
+        return 0.5 * bulk * (dim * mean) ** 2 + 0.5 * dim * (dim + 2) * shear * deviation
 
     def moments(self, bond: Bonds) -> tuple[Array, Array]:
         square = jnp.dot(bond.xi, bond.xi)

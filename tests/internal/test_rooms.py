@@ -19,7 +19,7 @@ ORDER = [
     ("infinite_lattice", "finite_body"),
     ("studies.closed_forms",),
     ("scenes",),
-    ("optimise",),
+    ("optimise", "trust"),
     ("files", "figures"),
     ("studies", "bench"),
     ("cli",),

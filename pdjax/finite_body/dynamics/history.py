@@ -19,6 +19,7 @@ class RunEnding(Ending):
     NOT_FINITE = 1, "a value is not finite"
     ENERGY_GREW = 2, "the energy grew beyond what was supplied"
     SOLVER_FAILED = 3, "the solver failed"
+    STOPPED = 4, "an observer stopped the run"
 
 
 # Energy over supplied energy at which a run is stopped. A linear motion with a stable step never exceeds 1.
@@ -91,10 +92,12 @@ class History(eqx.Module):
     steps : int
         Number of steps.
     code : int or None
-        Number of the ending: 0 at its end, 1 a value is not finite, 2 the energy grew, 3 the solver failed. None under
-        a transformation of JAX. `ending` is the same as an enumeration.
+        Number of the ending: 0 at its end, 1 a value is not finite, 2 the energy grew, 3 the solver failed, 4 an
+        observer stopped the run. None under a transformation of JAX. `ending` is the same as an enumeration.
     failure : Failure or None
-        Description of a run that ended early.
+        Description of a run that failed.
+    stopped_by : str
+        Name of the observer that stopped the run and its reason; empty if none did.
 
     Examples
     --------
@@ -113,6 +116,7 @@ class History(eqx.Module):
     steps: Numbers | int
     code: int | None = eqx.field(static=True, default=None)
     failure: Failure | None = None
+    stopped_by: str = eqx.field(static=True, default="")
 
     @property
     def finished(self) -> bool:
@@ -130,6 +134,8 @@ class History(eqx.Module):
         if self.code is None:
             return "the run was traced and therefore not monitored"
         words = RunEnding.of(self.code).reason
+        if self.stopped_by:
+            return f"{words}: {self.stopped_by}"
         return words if self.failure is None else f"{words}: {self.failure.why}"
 
     def __repr__(self) -> str:

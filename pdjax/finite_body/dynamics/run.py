@@ -24,7 +24,7 @@ from jaxtyping import Array, PyTree
 from ..._internal.checks import inside_jit, is_concrete, writable
 from ..._internal.progress import progress
 from ..._internal.public import public_function
-from ..observers import Snapshot, check_observers
+from ..observers import HostObserver, Snapshot, check_observers
 from ..scene import Scene
 from . import checkpoint as checkpoints
 from .history import Failure, History, RunEnding, alarmed, as_arrays, failure, stacked
@@ -191,10 +191,41 @@ class _Keeper:
         self.not_before = now + 20 * (time.monotonic() - now)
 
 
+class _Host:
+    """The observers of a run that run on the host."""
+
+    def __init__(self, motion: Motion, observers: Mapping[str, Observer]):
+        self.motion = motion
+        self.observers = {n: o for n, o in observers.items() if isinstance(o, HostObserver)}
+        self.factor = jax.jit(lambda t: motion.factor(t)[0]) if self.observers else None
+
+    def added(self, record: Record, state: State) -> Record:
+        """The record with the values of these observers."""
+        if self.factor is None:
+            return record
+        fields = (np.asarray(x) for x in (state.u, state.v, state.force))
+        now = Snapshot(np.asarray(record.t), np.asarray(self.factor(record.t)), *fields)
+        values = {
+            name: {key: np.asarray(value) for key, value in watch(self.motion.scene, now).items()}
+            for name, watch in self.observers.items()
+        }
+        return record._replace(observed=record.observed | values)
+
+    def stopped_by(self, record: Record) -> str:
+        """The observer that stops the run after this record, and its reason; empty if none does."""
+        for name, watch in self.observers.items():
+            reason = watch.stops(record.observed[name])
+            if reason:
+                return f"{name}, {reason}"
+        return ""
+
+
 def _watch(motion: Motion, observers, dt, saves, every, fields, path, checkpoint_every, resume, show) -> History:
     step, one, many = np.asarray(dt, motion.start.dtype), np.int32(1), np.int32(every)
-    ready = motion.prepared()
+    ready, host = motion.prepared(), _Host(motion, observers)
+    observers = {n: o for n, o in observers.items() if n not in host.observers}
     state, first = _go_on(ready, observers, before_start(motion), step, one, fields)
+    first = host.added(first, state)
     records, name = [first], ""
     if path is not None:
         path = writable(path)
@@ -206,7 +237,10 @@ def _watch(motion: Motion, observers, dt, saves, every, fields, path, checkpoint
                 stacklevel=4,
             )
         program = _go_on.lower(ready, observers, state, step, many, fields).as_text()  # type: ignore[attr-defined]
-        name = checkpoints.fingerprint(program, dt, every, eqx.filter((motion, observers), eqx.is_array_like))
+        # The text tells observers of the host apart.
+        on_host = np.frombuffer(repr(host.observers).encode(), np.uint8)
+        arrays = eqx.filter((motion, observers), eqx.is_array_like)
+        name = checkpoints.fingerprint(program, dt, every, arrays, on_host if host.observers else ())
         if resume:
             state, records = checkpoints.load(path, name, first)
             records = records[: saves + 1]
@@ -218,15 +252,18 @@ def _watch(motion: Motion, observers, dt, saves, every, fields, path, checkpoint
     floor = _rounding(motion, dt) + float(first.energies.kinetic) + stored
     given, code, saved = max(_given(r) for r in records), RunEnding.DONE, state
     done = len(records) - 1
+    stopped_by = host.stopped_by(records[-1])
     if not bool(state.finite):
         code = RunEnding.NOT_FINITE
+    elif stopped_by:
+        code = RunEnding.STOPPED
     try:
         for save in progress(range(done + 1, saves + 1), saves - done, "steps", show) if code == RunEnding.DONE else ():
             state, record = _go_on(ready, observers, saved, step, many, fields)
             if not bool(state.finite):
                 code = RunEnding.NOT_FINITE
                 break
-            record = jax.tree.map(np.asarray, record)
+            record = jax.tree.map(np.asarray, host.added(record, state))
             records.append(record)
             given = max(given, _given(record))
             swing = float(record.borrowed[0]) - float(first.borrowed[0])
@@ -234,16 +271,20 @@ def _watch(motion: Motion, observers, dt, saves, every, fields, path, checkpoint
                 code = RunEnding.ENERGY_GREW
                 break
             saved = state
-            keep(save, state, records, at_once=save == saves)
+            stopped_by = host.stopped_by(record)
+            keep(save, state, records, at_once=save == saves or bool(stopped_by))
+            if stopped_by:
+                code = RunEnding.STOPPED
+                break
     except KeyboardInterrupt:
         keep(len(records) - 1, saved, records, at_once=True)
         raise
-    told = None if code == RunEnding.DONE else _diagnose(motion, state, saved, dt)
+    told = None if code in (RunEnding.DONE, RunEnding.STOPPED) else _diagnose(motion, state, saved, dt)
     out = stacked(records)
     last = saved if code == RunEnding.NOT_FINITE else state
     u, v = out.fields if fields else (np.asarray(last.u)[None], np.asarray(last.v)[None])
     steps = min(int(state.step), saves * every)
-    return History(out.t, u, v, as_arrays(out.energies), out.observed, dt, steps, code, told)
+    return History(out.t, u, v, as_arrays(out.energies), out.observed, dt, steps, code, told, stopped_by)
 
 
 def _given(record: Record) -> float:
@@ -293,7 +334,8 @@ def simulate(
     save_every : int, optional
         Number of steps between saves. Default: such that there are about 100 saves.
     observers : dict of str to function, optional
-        Functions (scene, `Snapshot`) → array, evaluated at every save. See `pdjax.observers`.
+        Functions (scene, `Snapshot`) → array, evaluated at every save. See `pdjax.observers`. An observer that runs on
+        the host, such as `trust_observer`, can stop the run.
     fields : bool, optional
         Keep u and v of every save. With False only those of the last save are kept. Default True.
     checkpoint : path, optional
@@ -358,8 +400,8 @@ def simulate(
     if resume and checkpoint is None:
         raise ValueError("resume needs checkpoint, the file from which the run continues")
     observers = {} if observers is None else observers
-    check_observers(motion.scene, observers)
     watched = is_concrete(motion, observers) and not inside_jit()
+    check_observers(motion.scene, observers, on_host=watched)
     given = dt is not None
     dt, saves, every = _plan(motion, duration, dt, save_every)
     if not watched:

@@ -284,7 +284,7 @@ def simulate_diffrax(
     """
     duration = run_length(motion, duration)
     observers = {} if observers is None else observers
-    check_observers(motion.scene, observers)
+    check_observers(motion.scene, observers, on_host=False)
     if not (float(saves).is_integer() and saves >= 1):
         raise ValueError(f"saves must be a whole number >= 1; got {saves!r}")
     import diffrax

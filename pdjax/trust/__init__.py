@@ -1,0 +1,11 @@
+"""Whether a computed state of a body can be trusted: the audit.
+
+The modules, in the order in which to read them:
+
+    point_measures   zero-energy measures of every point, from its family alone
+    own_lattice      the margin of the infinite lattice at every point's own stretch
+    checks           what makes a state doubtful or untrusted
+    audit            the public function audit, and its result
+    series           audits of the states of a run
+    observer         the audit as an observer of simulate
+"""
