@@ -2,7 +2,7 @@
 
 A seeded generator damages a valid file of each format: flipped bits, cut ends, lost and doubled lines, tokens that are
 no numbers or too large, long lines, zero bytes, exchanged lines. `SAMPLES` is the table of formats. A new format is one
-line: a function that writes a valid file into a folder and returns its path.
+line: a function that writes a valid file into a folder and returns its path. `mesh_samples` has those of meshes.
 """
 
 import re
@@ -12,6 +12,7 @@ import warnings
 
 import numpy as np
 import pytest
+from mesh_samples import SAMPLES as MESHES
 
 import pdjax as pd
 
@@ -70,7 +71,7 @@ SAMPLES = {
     "peridigm": text("b.txt", PERIDIGM),
     "lammps data": text("a.data", DATA),
     "lammps dump": text("a.dump", DUMP),
-}
+} | MESHES
 
 
 def flip(raw, rng):
@@ -141,8 +142,7 @@ def read(path, volume=None):
             pass
     except (ValueError, OSError, ImportError) as error:
         assert len(str(error)) > 20, error
-        if error.__cause__ is not None:  # an error of decoding that the reader itself should have found
-            assert isinstance(error.__cause__, ValueError | OSError), (error, error.__cause__)
+        assert "is damaged or of another format: " not in str(error), error  # the reader itself must find the fault
         return False
     return True
 
@@ -173,7 +173,7 @@ def fuzz(name, folder, seeds):
 
 @pytest.mark.parametrize("name", SAMPLES)
 def test_damaged_files_are_read_or_refused(name, tmp_path):
-    fuzz(name, tmp_path, range(60))
+    fuzz(name, tmp_path, range(40))
 
 
 @pytest.mark.parametrize("name", SAMPLES)
