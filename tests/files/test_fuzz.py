@@ -147,35 +147,36 @@ def read(path, volume=None):
     return True
 
 
-def fuzz(name, folder, seeds):
+def fuzz(name, folder, seeds, memory=False):
+    """Damage and read a sample once for each seed. `memory`: also watch the memory, which takes some times as long."""
     path = SAMPLES[name](folder)
     raw = path.read_bytes()
     assert read(path), "the sample must be valid"
-    good = 0
-    tracemalloc.start()
+    if memory:
+        tracemalloc.start()
     try:
         for seed in seeds:
             path.write_bytes(damaged(raw, seed))
-            tracemalloc.reset_peak()
             start = time.perf_counter()
             try:
                 with warnings.catch_warnings():
                     warnings.simplefilter("error")
-                    good += read(path, "lattice" if seed % 4 == 0 else None)
+                    read(path, "lattice" if seed % 4 == 0 else None)
             except BaseException as error:
                 raise AssertionError(f"{name}, seed {seed}: {type(error).__name__}: {error}") from error
-            assert tracemalloc.get_traced_memory()[1] < MEMORY, f"{name}, seed {seed}: memory"
             assert time.perf_counter() - start < SECONDS, f"{name}, seed {seed}: time"
+            if memory:
+                assert tracemalloc.get_traced_memory()[1] < MEMORY, f"{name}, seed {seed}: memory"
+                tracemalloc.reset_peak()
     finally:
         tracemalloc.stop()
-    return good
 
 
 @pytest.mark.parametrize("name", SAMPLES)
 def test_damaged_files_are_read_or_refused(name, tmp_path):
-    fuzz(name, tmp_path, range(40))
+    fuzz(name, tmp_path, range(20))
 
 
 @pytest.mark.parametrize("name", SAMPLES)
 def test_ten_thousand_damaged_files_are_read_or_refused(name, tmp_path):
-    fuzz(name, tmp_path, range(10_000))
+    fuzz(name, tmp_path, range(10_000), memory=True)
