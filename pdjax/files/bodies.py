@@ -28,7 +28,11 @@ def body_from(
     """
     if outline is not None and not (isinstance(volume, str) and volume == "voronoi"):
         raise ValueError('outline is for Voronoi cells; pass volume="voronoi" too, or leave outline out')
+    if volume is not None and contents.uncertain:
+        raise ValueError(f"{path}: with volume= it must be certain what the columns are, but {contents.uncertain}")
     notes = list(contents.notes)
+    if volume is not None and contents.volumes is not None:
+        notes.append("The volumes of the file are not used.")
     positions = _checked_positions(path, contents)
     axes = _axes(path, positions, dim)
     if len(axes) < positions.shape[1]:

@@ -33,6 +33,8 @@ class Contents:
         Words for the place of a point in the file, such as "line 12" or "cell 7". Errors use them.
     notes : tuple of str
         What the reader assumed or left out, in sentences.
+    uncertain : str
+        What is uncertain if the user gives other volumes, as a part of an error message; "" if nothing is.
     """
 
     positions: np.ndarray
@@ -41,6 +43,7 @@ class Contents:
     sets: dict[str, np.ndarray] = field(default_factory=dict)
     where: Callable[[int], str] = "point {}".format
     notes: tuple[str, ...] = ()
+    uncertain: str = ""
 
 
 class States(NamedTuple):

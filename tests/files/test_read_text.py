@@ -127,6 +127,15 @@ def test_volumes_from_the_file_a_number_an_array_voronoi_cells_or_a_lattice(tmp_
             read(tmp_path, text, **arguments)
 
 
+def test_columns_without_names_and_volumes_as_an_argument_are_refused(tmp_path):
+    with pytest.raises(
+        ValueError, match="its last column has no name and may be a coordinate or a volume; name the col"
+    ):
+        read(tmp_path, "0 0 1\n1 0 2\n0 1 3\n", volume=1.0)
+    body, data = read(tmp_path, PERIDIGM.split("\n", 1)[1], volume=2.0)
+    assert (body.volumes == 2.0).all() and "The volumes of the file are not used." in data.notes
+
+
 def test_rounded_digits_give_the_exact_lattice_in_the_order_of_the_file(tmp_path):
     body = pd.lattice((6, 5), 1 / 3)
     order = np.random.default_rng(0).permutation(30)
