@@ -1,7 +1,7 @@
 """Audits of states whose answer is known: results of LAMMPS, the paper's cuboid, and a file of a million points.
 
-    lammps   LAMMPS deforms a block with peri/lps and peri/pmb, smoothly and with a checkerboard, and dumps it. The audit
-             reads the dump. Its forces must be those of LAMMPS, and only the checkerboard may be found.
+    lammps   LAMMPS deforms a block with peri/lps and peri/pmb, smoothly and with a checkerboard, and dumps it. The
+             audit reads the dump. Its forces must be those of LAMMPS, and only the checkerboard may be found.
     cuboid   The paper's cuboid (m = 0) at +5 % and −5 %, saved by simulate. The audit names the strain from which the
              run cannot be trusted. Beside it: the strain at which the force curve shows it, and Wan's control.
     large    A file of 10⁶ points is written, read, searched and audited. Time and memory of every stage.
@@ -56,7 +56,7 @@ def lammps():
     X = body.positions
     smooth = X * np.array([0.01, -0.003, -0.003]) + 1e-3 * np.sin(X[:, [1, 2, 0]])
     noise = 0.002 * checkerboard(SHAPE)[:, None] * np.array([1.0, 0.5, -0.7]) * SPACING
-    states = [smooth, smooth + noise]  # LAMMPS writes the state at rest before them
+    states = [np.zeros_like(X), smooth, smooth + noise]  # LAMMPS writes the first state twice
     rows = []
     for style, constants, model, influence in (
         ("pmb", (C,), pd.BondBased(C), "constant"),

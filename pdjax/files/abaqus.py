@@ -14,7 +14,8 @@ from typing import NamedTuple
 import numpy as np
 
 from .contents import Contents, States
-from .meshes import Mesh, check_sets, contents, fault, places, readable
+from .faults import fault, places, readable
+from .meshes import Mesh, check_sets, contents
 
 WHAT = "Abaqus input file"
 _SOLIDS = {

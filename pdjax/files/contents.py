@@ -33,6 +33,9 @@ class Contents:
         Words for the place of a point in the file, such as "line 12" or "cell 7". Errors use them.
     notes : tuple of str
         What the reader assumed or left out, in sentences.
+    dim : int or None
+        Dimension of the cells of a mesh, whose measures are the volumes. One layer of hexahedra is a body in 3D,
+        although all its centroids have the same z. None if the file does not tell.
     uncertain : str
         What is uncertain if the user gives other volumes, as a part of an error message; "" if nothing is.
     """
@@ -43,6 +46,7 @@ class Contents:
     sets: dict[str, np.ndarray] = field(default_factory=dict)
     where: Callable[[int], str] = "point {}".format
     notes: tuple[str, ...] = ()
+    dim: int | None = None
     uncertain: str = ""
 
 

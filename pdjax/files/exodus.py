@@ -11,6 +11,7 @@ Source: Schoof and Yarberry, EXODUS II: A Finite Element Data Model, SAND92-2137
 """
 
 import contextlib
+import io
 import re
 import warnings
 from collections.abc import Iterator
@@ -22,7 +23,8 @@ from scipy.io import netcdf_file
 
 from .cells import SHAPES
 from .contents import Contents, States
-from .meshes import Mesh, check_sets, contents, fault, readable
+from .faults import fault, readable
+from .meshes import Mesh, check_sets, contents
 
 WHAT = "Exodus II file"
 EXPANSION = 1100  # the compression of HDF5 makes no more bytes of one; classic files are not compressed
@@ -45,16 +47,29 @@ _SHAPES = {
 _ENDINGS = {2: ("XY", "xy"), 3: ("XYZ", "xyz")}
 
 
+class _Bounded(io.BufferedReader):
+    """A file whose `read` takes memory for no more bytes than follow. That of Python takes what is asked for."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(io.FileIO(path))
+        self.size = path.stat().st_size
+
+    def read(self, size: int | None = -1) -> bytes:
+        left = max(self.size - self.tell(), 0)
+        return super().read(left if size is None or size < 0 else min(size, left))
+
+
 class _File:
     """An open netCDF file whose arrays are read only if they can be in it."""
 
     def __init__(self, path: Path, dataset: Any) -> None:
         self.path, self.dataset, self.size = path, dataset, path.stat().st_size
+        self.left = EXPANSION * self.size  # numbers that all arrays together may still announce
 
     def length(self, name: str) -> int:
         """Length of a dimension, 0 if there is none."""
-        dimension = self.dataset.dimensions.get(name, 0)
-        return dimension if isinstance(dimension, int) else len(dimension)
+        dimension = self.dataset.dimensions.get(name)
+        return 0 if dimension is None else dimension if isinstance(dimension, int) else len(dimension)
 
     def has(self, name: str) -> bool:
         return name in self.dataset.variables
@@ -65,7 +80,8 @@ class _File:
             raise fault(self.path, f"an {WHAT} of this kind must have an array {name}; it has none")
         variable = self.dataset.variables[name]
         count = int(np.prod(variable.shape if row is None else variable.shape[1:], dtype=object))
-        if count > EXPANSION * self.size:
+        self.left -= count
+        if self.left < 0:  # many arrays may refer to the same data
             raise fault(self.path, f"array {name} announces {count} numbers, but the file has only {self.size} bytes")
         found = np.array(variable[:] if row is None else variable[row])
         return found if found.dtype.isnative else found.astype(found.dtype.newbyteorder("="))
@@ -218,7 +234,10 @@ def _opened(path: Path) -> Iterator[_File]:
     with path.open("rb") as stream:
         head = stream.read(8)
     if head[:4] in (b"CDF\1", b"CDF\2"):
-        dataset = netcdf_file(path, "r", mmap=True)
+        try:
+            dataset = netcdf_file(_Bounded(path), "r", mmap=True)
+        except (TypeError, AttributeError) as error:  # what scipy raises for lengths that do not fit together
+            raise fault(path, f"the header of an {WHAT} must fit its arrays; scipy says: {error}") from None
         try:
             yield _File(path, dataset)
         finally:

@@ -12,9 +12,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .cells import SECOND_ORDER, SHAPES
+from .cells import SECOND_ORDER, SHAPES, keys
 from .contents import Contents, States
-from .meshes import Mesh, check_sets, contents, fault, places, readable
+from .faults import fault, places, readable
+from .gmsh_numbers import Binary, Stream, Text
+from .meshes import Mesh, check_sets, contents
 
 WHAT = "Gmsh mesh (MSH 2 or 4.1)"
 # Number in the file: name of the type, number of nodes.
@@ -45,62 +47,6 @@ TYPES = {
     92: ("hexahedron64", 64),
 }
 DIMENSIONS = ("point", "curve", "surface", "volume")
-
-
-class _Text:
-    """Numbers of a section written as text. `take` never returns more numbers than there are."""
-
-    def __init__(self, body: bytes) -> None:
-        self.numbers, self.at = np.array(body.split(), float), 0
-
-    def take(self, kind: str, count: int) -> np.ndarray:
-        if not 0 <= count <= len(self.numbers) - self.at:
-            raise ValueError(f"{count} numbers are announced, {len(self.numbers) - self.at} follow")
-        found = self.numbers[self.at : self.at + count]
-        self.at += count
-        return found if kind == "d" else _whole(found)
-
-    def rows(self, count: int, kinds: str) -> list[np.ndarray]:
-        """Columns of a table, one for each letter of `kinds`."""
-        table = self.take("d", count * len(kinds)).reshape(count, len(kinds))
-        return [table[:, k] if kind == "d" else _whole(table[:, k]) for k, kind in enumerate(kinds)]
-
-
-def _whole(numbers: np.ndarray) -> np.ndarray:
-    """Numbers that were read as floats as integers."""
-    if not (np.abs(numbers) < 2.0**53).all():
-        wrong = numbers[np.argmin(np.abs(numbers) < 2.0**53)]
-        raise ValueError(f"counts and numbers of nodes and elements must be whole numbers; got {wrong}")
-    return numbers.astype(np.int64)
-
-
-class _Binary:
-    """Numbers of a binary section: i (int), s (size_t) and d (double)."""
-
-    def __init__(self, body: bytes, order: str, size: int) -> None:
-        self.body, self.at = body, 0
-        self.dtypes = {"i": np.dtype(f"{order}i4"), "s": np.dtype(f"{order}u{size}"), "d": np.dtype(f"{order}f8")}
-
-    def _bytes(self, dtype: np.dtype, count: int) -> np.ndarray:
-        left = len(self.body) - self.at
-        if not 0 <= count * dtype.itemsize <= left:
-            raise ValueError(f"{count * dtype.itemsize} bytes are announced, {left} follow")
-        found = np.frombuffer(self.body, dtype, count, self.at)
-        self.at += count * dtype.itemsize
-        return found
-
-    def take(self, kind: str, count: int) -> np.ndarray:
-        return self._bytes(self.dtypes[kind], count).astype(float if kind == "d" else np.int64)
-
-    def rows(self, count: int, kinds: str) -> list[np.ndarray]:
-        if len(set(kinds)) == 1:
-            return list(self.take(kinds[0], count * len(kinds)).reshape(count, len(kinds)).T)
-        dtype = np.dtype([(f"f{k}", self.dtypes[kind]) for k, kind in enumerate(kinds)])
-        table = self._bytes(dtype, count)
-        return [table[f"f{k}"].astype(float if kind == "d" else np.int64) for k, kind in enumerate(kinds)]
-
-
-Stream = _Text | _Binary
 
 
 class _Elements(NamedTuple):
@@ -144,7 +90,7 @@ class _Reader:
             at = end + 4 + len(name)
 
     def stream(self, body: bytes) -> Stream:
-        return _Binary(body, self.order, self.size) if self.binary else _Text(body)
+        return Binary(body, self.order, self.size) if self.binary else Text(body)
 
     def _section(self, name: str, body: bytes) -> None:
         if name == "MeshFormat":
@@ -200,7 +146,7 @@ class _Reader:
         self.nodes = np.stack(columns, axis=1)
 
     def _counted(self, stream: Stream) -> tuple[Stream, int]:
-        assert isinstance(stream, _Binary)
+        assert isinstance(stream, Binary)
         line, _, rest = stream.body.partition(b"\n")
         return self.stream(rest), int(line)
 
@@ -240,8 +186,10 @@ class _Reader:
                 self._add2(name, table, labels)
                 total -= count
             return
-        total, numbers = int(stream.take("s", 1)[0]), stream.take("i", len(stream.numbers) - 1)  # type: ignore[union-attr]
-        flat, at, starts = numbers.tolist(), 0, {}
+        assert isinstance(stream, Text)
+        total, numbers = int(stream.take("s", 1)[0]), stream.take("i", len(stream.numbers) - 1)
+        flat, at = numbers.tolist(), 0
+        starts: dict[tuple[int, int], list[int]] = {}
         for _ in range(total):
             number, labels = flat[at + 1], flat[at + 2]
             width = self._type(number)[1]
@@ -298,9 +246,9 @@ def _mesh(reader: _Reader) -> tuple[Mesh, np.ndarray, np.ndarray]:
         nodes = places(reader.path, reader.tags, given.reshape(-1), "node").reshape(given.shape)
         number = np.arange(len(nodes))
         if reader.version == 2:  # elements of several groups stand in the file once for each group
-            _, once, same = np.unique(nodes, axis=0, return_index=True, return_inverse=True)
+            _, once, same = np.unique(keys(nodes), return_index=True, return_inverse=True)
             kept = np.sort(once)
-            number = np.searchsorted(kept, once[same.reshape(-1)])
+            number = np.searchsorted(kept, once[same])
             nodes = nodes[kept]
         mesh.blocks.append((name, nodes))
         tags.append(np.concatenate([block.tags for block in blocks]))
@@ -342,9 +290,9 @@ def states(path: Path) -> States:
                 ("NodeData", len(mesh.nodes), now.node_fields),
                 ("ElementData", count, now.cell_fields),
             ):
-                for view in reader.views[kind]:
-                    if steps[view.name] > 1 and view.time != times[state]:
-                        continue
+                chosen = [v for v in reader.views[kind] if steps[v.name] == 1 or v.time == times[state]]
+                check_sets(path, sum(view.values[:1].size for view in chosen), total)
+                for view in chosen:
                     values = np.full((total, *view.values.shape[1:]), np.nan)
                     if kind == "NodeData":
                         where = places(path, reader.tags, view.tags, "node")

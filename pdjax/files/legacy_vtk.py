@@ -11,7 +11,8 @@ from urllib.parse import unquote
 import numpy as np
 
 from .contents import Contents, States
-from .meshes import Mesh, contents, fault, readable
+from .faults import fault, readable
+from .meshes import Mesh, contents
 from .vtu import blocks_of
 
 WHAT = "legacy file of VTK"
@@ -70,6 +71,19 @@ class _Cursor:
         self.at = end
         return np.array(words, float).astype(dtype) if dtype.kind == "f" else np.array([int(w) for w in words], dtype)
 
+    def skip_words(self, count: int) -> None:
+        """Pass over an array of text: a line each, or in binary files the length and the letters of each."""
+        if count > len(self.body) - self.at:
+            raise fault(self.path, f"{count} words are announced, but {len(self.body) - self.at} bytes follow")
+        for _ in range(count):
+            if not self.binary:
+                self.line(False)
+                continue
+            first = self.body[self.at]  # its two highest bits tell how many bytes hold the length
+            width = {3: 1, 2: 2, 1: 4, 0: 8}[first >> 6]
+            length = int.from_bytes(self.body[self.at : self.at + width], "big") & ((1 << (8 * width - 2)) - 1)
+            self.at += width + length
+
 
 class _Reader:
     def __init__(self, path: Path) -> None:
@@ -86,7 +100,8 @@ class _Reader:
         self.starts, self.ends, self.nodes = np.empty(0, np.int64), np.empty(0, np.int64), np.empty(0, np.int64)
         self.types: np.ndarray | None = None
         self.counts: dict[str, tuple[np.ndarray, np.ndarray]] = {}
-        self.fields, self.count = {}, 0
+        self.fields: dict[str, np.ndarray] = {}
+        self.count = 0
         self.dataset = ""
         while words := self.cursor.line():
             self._section(words[0].upper(), words[1:])
@@ -98,7 +113,7 @@ class _Reader:
             if self.dataset not in ("UNSTRUCTURED_GRID", "POLYDATA"):
                 raise fault(
                     self.path,
-                    f"the dataset must be UNSTRUCTURED_GRID or POLYDATA; got {words[0]}. Save it as an unstructured grid",
+                    f"the dataset must be UNSTRUCTURED_GRID or POLYDATA; got {words[0]}. Save it as the first",
                 )
         elif name == "POINTS":
             self.mesh.nodes = cursor.numbers(3 * int(words[0]), words[1]).astype(float).reshape(-1, 3)
@@ -141,6 +156,10 @@ class _Reader:
     def _keep(self, name: str, count: int, width: int, kind: str) -> None:
         if width < 1 or count < 0:
             raise fault(self.path, f"array {name!r} must have components and entries; got {width} and {count}")
+        if kind.lower() == "string":
+            self.cursor.skip_words(count * width)
+            self.mesh.notes.append(f"Array {unquote(name)!r} is no array of numbers and is left out.")
+            return
         values = self.cursor.numbers(count * width, kind)
         if self.count:  # arrays before POINT_DATA belong to the whole data set, such as its time
             shape = {1: (), 9: (3, 3)}.get(width, (width,))

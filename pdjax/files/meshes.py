@@ -7,78 +7,36 @@ Cells
 Clouds
     If a file has no cells, or only vertices, its nodes are the points. A nodal or cell field "volume" is their volume.
 Sets
-    A set of cells (block, physical group, element set) is a mask of its cells. If a group has cells of a lower dimension,
-    such as a physical curve "left" around a surface, its mask holds the cells that have one of these as a facet. These
-    are the cells to support or to load. A cell is in a set of nodes if all its nodes are in the set, or all nodes of
-    one of its facets on the surface of the body.
+    A set of cells (block, physical group, element set) is a mask of its cells. If a group has cells of a lower
+    dimension, such as a physical curve "left" around a surface, its mask holds the cells that have one of these as a
+    facet. These are the cells to support or to load. A cell is in a set of nodes if all its nodes are in the set, or
+    all nodes of one of its facets on the surface of the body.
 
 Coordinates stay as the file gives them: a plane mesh of a format that knows only three coordinates has three.
 """
 
-import contextlib
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
-from .cells import SECOND_ORDER, SHAPES, cells_with, facets, measured, outer
+from .cells import SECOND_ORDER, SHAPES, cells_at, facets, measured, outer
 from .contents import Contents
+from .faults import fault
 
 # A cell is degenerate if its volume is smaller than this part of the volume that its longest diagonal allows.
 DEGENERATE = 1e-13
-# Most entries of all masks together, one byte each. A file of a few megabytes can name enough sets to fill any memory.
+# Most entries of all masks together. A file of a few megabytes can name enough sets to fill any memory.
 MOST_MARKS = 10**9
 VOLUME_NAMES = ("volume", "volumes")
 # A field "set:NAME" of zeros and ones is the set NAME. `pdjax.files.vtk` writes sets so, because VTK has none.
 SET = "set:"
 
 
-class FormatError(ValueError):
-    """A file that cannot be read, with a message that is complete."""
-
-
-@contextlib.contextmanager
-def readable(path: Path, what: str) -> Iterator[None]:
-    """Turn any exception of a parser into a ValueError that names the file and says what was expected of it."""
-    try:
-        yield
-    except (FormatError, OSError, ImportError):
-        raise
-    except MemoryError as error:
-        raise FormatError(f"{path.name} announces more data than the memory of this machine holds") from error
-    except Exception as error:
-        words = str(error) or "no further words"
-        raise FormatError(
-            f"{path.name} must be a complete and valid {what}; the reader stopped with {type(error).__name__}:"
-            f" {words[:300]}. The file may be cut off or damaged: write it again"
-        ) from error
-
-
-def fault(path: Path, words: str) -> FormatError:
-    """An error about a file, to raise."""
-    return FormatError(f"{path.name}: {words}")
-
-
 def check_sets(path: Path, sets: int, entries: int) -> None:
-    """Raise ValueError if the masks of the sets would take more memory than is reasonable."""
-    if sets * entries > MOST_MARKS:
-        raise fault(
-            path, f"{sets} sets of {entries} entries need {sets * entries:.1e} bytes; at most {MOST_MARKS:.0e} fit"
-        )
-
-
-def places(path: Path, tags: np.ndarray, wanted: np.ndarray, what: str) -> np.ndarray:
-    """Where each wanted tag stands among `tags`."""
-    order = np.argsort(tags, kind="stable")
-    ordered = tags[order]
-    if (ordered[1:] == ordered[:-1]).any():
-        raise fault(path, f"{what} {int(ordered[np.flatnonzero(ordered[1:] == ordered[:-1])[0]])} is defined twice")
-    at = np.minimum(np.searchsorted(ordered, wanted), max(len(tags) - 1, 0))
-    if wanted.size and (not len(tags) or (ordered[at] != wanted).any()):
-        lost = int(wanted[ordered[at] != wanted].flat[0]) if len(tags) else int(wanted.flat[0])
-        raise fault(path, f"{what} {lost} is used, but the file does not define it")
-    return order[at]
+    """Raise ValueError if sets (or fields) of so many entries would take more memory than is reasonable."""
+    if sets * entries > max(MOST_MARKS, path.stat().st_size):
+        raise fault(path, f"at most {MOST_MARKS:.0e} entries of sets or fields are read; got {sets} of {entries}")
 
 
 @dataclass
@@ -162,8 +120,8 @@ def _corners(mesh: Mesh, path: Path) -> list[tuple[str, np.ndarray]]:
         if wrong.size:
             raise fault(
                 path,
-                f"cell {numbered(mesh, first + int(wrong[0]))} must be made of the {len(mesh.nodes)} nodes of the file, counted from 0;"
-                f" got {corners[wrong[0]].tolist()}",
+                f"cell {numbered(mesh, first + int(wrong[0]))} must be made of the {len(mesh.nodes)} nodes of the file,"
+                f" counted from 0; got {corners[wrong[0]].tolist()}",
             )
         if shape != name:
             reduced[name] = reduced.get(name, 0) + len(nodes)
@@ -197,7 +155,7 @@ def _volume_name(fields: dict[str, np.ndarray], count: int) -> str | None:
 
 def _cloud(mesh: Mesh, blocks: list[tuple[str, np.ndarray]], path: Path) -> Contents:
     """Nodes as points. Fields of vertex cells go to the nodes of these cells."""
-    count, notes = len(mesh.nodes), list(mesh.notes)
+    count, notes = len(mesh.nodes), list(dict.fromkeys(mesh.notes))
     vertices = np.concatenate([np.empty(0, np.int64), *(corners[:, 0] for _, corners in blocks)])
     chosen = np.arange(count)
     if len(vertices):
@@ -254,7 +212,8 @@ def _body(mesh: Mesh, blocks: list[tuple[str, np.ndarray]], dim: int, path: Path
         {name: values[order] for name, values in fields.items()},
         {name: mask[order] for name, mask in sets.items()},
         lambda point: f"cell {numbered(mesh, int(number[order[point]]))}",
-        tuple(mesh.notes + notes),
+        tuple(dict.fromkeys(mesh.notes + notes)),
+        dim,
     )
 
 
@@ -275,9 +234,9 @@ def _measured(
             cell = int(flat[0])
             raise fault(
                 path,
-                f"every cell must have a finite volume > 0; cell {numbered(mesh, int(number[first + cell]))}, a {shape} with nodes"
-                f" {corners[cell].tolist()} (counted from 0), has {now.volumes[cell]:.3g}; {flat.size} cells are such."
-                " Remove them in the mesh generator",
+                f"every cell must have a finite volume > 0; cell {numbered(mesh, int(number[first + cell]))}, a {shape}"
+                f" with nodes {corners[cell].tolist()} (counted from 0), has {now.volumes[cell]:.3g}."
+                f" {flat.size} cells are such. Remove them in the mesh generator",
             )
         if shape == "quadrilateral":
             height = np.einsum("ci,ci->c", np.cross(at[:, 1] - at[:, 0], at[:, 2] - at[:, 0]), at[:, 3] - at[:, 0])
@@ -293,15 +252,13 @@ def _sets(
     mesh: Mesh, blocks: list[tuple[str, np.ndarray]], body: list[tuple[str, np.ndarray]], dim: int, number: np.ndarray
 ) -> dict[str, np.ndarray]:
     """Masks of the points of all sets, by the rules of the module's docstring."""
-    sets = {}
-    for name, mask in mesh.cell_sets.items():
-        chosen, first = mask[number].copy(), 0
-        for shape, corners in blocks:
-            part = mask[first : first + len(corners)]
-            first += len(corners)
-            if SHAPES[shape].dim < dim and part.any():
-                chosen[cells_with(body, shape, corners[part])] = True
-        sets[name] = chosen
+    ends = np.cumsum([0, *(len(corners) for _, corners in blocks)])
+    sets = {name: mask[number].copy() for name, mask in mesh.cell_sets.items()}
+    lower = [k for k, (shape, _) in enumerate(blocks) if SHAPES[shape].dim < dim]
+    for k in lower if sets else []:
+        elements, cells = cells_at(body, *blocks[k])
+        for name, mask in mesh.cell_sets.items():
+            sets[name][cells[mask[ends[k] : ends[k + 1]][elements]]] = True
     if mesh.node_sets:
         counts = {1: (1,), 2: (2,), 3: (3, 4)}[dim]
         surface = [outer(facets(body, dim - 1, count)) for count in counts]

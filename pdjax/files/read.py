@@ -128,7 +128,8 @@ def read_points(
     spacing : float, optional
         Spacing [length] of the lattice, by default found from the positions.
     dim : int, optional
-        Dimension of the body. By default a coordinate that is the same for all points is left out.
+        Dimension of the body, by default that of the cells of a mesh. In other files a coordinate that is the same for
+        all points is left out.
     step : int, optional
         State to read from a file with several, from 0. The default, −1, is the last one.
 
@@ -178,7 +179,7 @@ def read_points(
         states = opened(file)
     step = state_number(file, states.times, step)
     contents = _loaded(file, states, step)
-    points, axes, notes = body_from(file, contents, volume, outline, spacing, dim)
+    points, axes, notes = body_from(file, contents, volume, outline, spacing, contents.dim if dim is None else dim)
 
     def load(number: int) -> Contents:
         other = _loaded(file, states, number)

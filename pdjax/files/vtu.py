@@ -11,13 +11,15 @@ import lzma
 import math
 import re
 import zlib
+from dataclasses import replace
 from pathlib import Path
 from xml.etree.ElementTree import Element
 
 import numpy as np
 
 from .contents import States
-from .meshes import Mesh, contents, fault, readable
+from .faults import fault, readable
+from .meshes import Mesh, contents
 from .xml import parsed
 
 WHAT = "unstructured grid of VTK (VTU)"
@@ -45,6 +47,7 @@ TYPES: dict[int, tuple[str, int, tuple[int, ...]]] = {
 OTHER_TYPES = {4: "polyline", 6: "triangle strip", 7: "polygon", 42: "polyhedron"}
 # zlib makes at most 1032 bytes of one. An array that announces more is refused before memory is taken for it.
 EXPANSION = 1100
+GHOST = "vtkGhostType"  # bit 1: a copy of a cell of another process; bit 32: hidden
 _NUMBERS = {
     f"{kind}{size}": f"{letter}{size // 8}"
     for kind, letter in (("Int", "i"), ("UInt", "u"))
@@ -58,6 +61,7 @@ class _File:
 
     def __init__(self, path: Path) -> None:
         self.path, body = path, path.read_bytes()
+        self.left = EXPANSION * len(body)  # bytes that all arrays together may still announce
         self.appended, self.raw = b"", False
         opening = re.search(rb"<AppendedData[^>]*>", body)
         if opening:
@@ -71,8 +75,6 @@ class _File:
         self.order = ">" if self.root.get("byte_order") == "BigEndian" else "<"
         self.header = np.dtype(self.order + _NUMBERS[self.root.get("header_type", "UInt32")])
         self.compressor = self.root.get("compressor")
-        if self.compressor not in (None, "vtkZLibDataCompressor", "vtkLZMADataCompressor"):
-            raise fault(path, f"the data must be compressed by zlib or lzma; got {self.compressor}. Save it with zlib")
 
     def array(self, element: Element, count: int | None) -> np.ndarray:
         """Numbers of a DataArray, (count,) or (count, components). If count is None, all that there are."""
@@ -107,6 +109,10 @@ class _File:
         """Numbers of a coded array: a head with sizes in bytes, then the data."""
         wanted = None if total is None else total * dtype.itemsize
         blocks, size = 1, self.header.itemsize
+        if self.compressor not in (None, "vtkZLibDataCompressor", "vtkLZMADataCompressor"):
+            raise fault(
+                self.path, f"the data must be compressed by zlib or lzma; got {self.compressor}. Save it with zlib"
+            )
         if self.compressor:
             blocks = int(np.frombuffer(_bytes(data, 0, size, raw), self.header, 1)[0])
             if blocks * size > len(data):
@@ -121,6 +127,9 @@ class _File:
         if packed > len(data) or announced > EXPANSION * len(data) or (wanted is not None and announced != wanted):
             most = f"{len(data)} bytes of the file are left" if wanted is None else f"it must hold {wanted} bytes"
             raise fault(self.path, f"array {name!r} announces {announced} bytes ({packed} in the file), but {most}")
+        self.left -= announced
+        if self.left < 0:  # many arrays may refer to the same data
+            raise fault(self.path, f"all arrays together announce more than {EXPANSION} times the bytes of the file")
         if not self.compressor:
             return np.frombuffer(_after(data, size, packed, raw), dtype)
         body, at, parts = _after(data, (3 + blocks) * size, packed, raw), 0, []
@@ -228,11 +237,26 @@ def _piece(file: _File, piece: Element) -> Mesh:
     else:
         mesh.numbers = np.empty(0, np.int64)
     mesh.cell_fields = {name: values[mesh.numbers] for name, values in mesh.cell_fields.items()}
-    return mesh
+    mesh.node_fields.pop(GHOST, None)
+    return _without_copies(mesh) if GHOST in mesh.cell_fields else mesh
 
 
-def _joined(pieces: list[Mesh]) -> Mesh:
+def _without_copies(mesh: Mesh) -> Mesh:
+    """The mesh without the cells that belong to another process or are hidden."""
+    assert mesh.numbers is not None
+    kept, first, blocks = mesh.cell_fields.pop(GHOST).reshape(-1).astype(np.int64) & 33 == 0, 0, []
+    for name, nodes in mesh.blocks:
+        blocks.append((name, nodes[kept[first : first + len(nodes)]]))
+        first += len(nodes)
+    if not kept.all():
+        mesh.notes.append(f"{int((~kept).sum())} cells are copies of cells of other parts and are left out.")
+    fields = {name: values[kept] for name, values in mesh.cell_fields.items()}
+    return replace(mesh, blocks=blocks, cell_fields=fields, numbers=mesh.numbers[kept])
+
+
+def joined(pieces: list[Mesh]) -> Mesh:
     """Several pieces as one mesh. Fields that not all pieces have are left out."""
+    pieces = [piece for piece in pieces if len(piece.nodes)] or pieces[:1]
     if len(pieces) == 1:
         return pieces[0]
     whole = Mesh(np.concatenate([piece.nodes for piece in pieces]), notes=[n for p in pieces for n in p.notes])
@@ -241,7 +265,7 @@ def _joined(pieces: list[Mesh]) -> Mesh:
         assert piece.numbers is not None
         whole.blocks += [(name, nodes + first) for name, nodes in piece.blocks]
         numbers.append(piece.numbers + cells)
-        first, cells = first + len(piece.nodes), cells + len(piece.numbers)
+        first, cells = first + len(piece.nodes), cells + int(piece.numbers.max(initial=-1)) + 1
     whole.numbers = np.concatenate(numbers)
     for mine, of in (
         (whole.node_fields, [p.node_fields for p in pieces]),
@@ -261,7 +285,7 @@ def mesh_of(path: Path) -> Mesh:
         pieces = [] if grid is None else grid.findall("Piece")
         if not pieces:
             raise fault(path, "an unstructured grid must have a piece; it has none")
-        return _joined([_piece(file, piece) for piece in pieces])
+        return joined([_piece(file, piece) for piece in pieces])
 
 
 def states(path: Path) -> States:

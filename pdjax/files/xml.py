@@ -8,7 +8,7 @@ import re
 from pathlib import Path
 from xml.etree import ElementTree
 
-from .meshes import fault
+from .faults import fault
 
 _DECLARATION = re.compile(r"^\ufeff?\s*<\?xml[^>]*\?>")
 
@@ -24,7 +24,7 @@ def parsed(path: Path, body: bytes, root: str = "VTKFile") -> ElementTree.Elemen
     try:
         element = ElementTree.fromstring(_DECLARATION.sub("", text))
     except ElementTree.ParseError as error:
-        raise fault(path, f"the XML must be complete and valid; {error}. The file may be cut off or damaged") from error
+        raise fault(path, f"the XML must be complete and valid; {error}. The file may be cut off or damaged") from None
     if element.tag != root:
         raise fault(path, f"the XML must have the root <{root}>; got <{element.tag[:40]}>")
     return element

@@ -14,7 +14,6 @@ import pdjax as pd
 
 matplotlib.use("Agg")
 ROOMS = ("scenes", "observers", "figures", "closed_forms", "export")
-NEEDS = {"export.write_vtk": "meshio"}
 FLAGS = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
 
 
@@ -52,8 +51,6 @@ def documented(name):
 
 @pytest.mark.parametrize("name", PUBLIC)
 def test_examples_give_what_they_show(name, tmp_path, monkeypatch):
-    if name in NEEDS:
-        pytest.importorskip(NEEDS[name])
     monkeypatch.chdir(tmp_path)
     parser, runner = doctest.DocTestParser(), doctest.DocTestRunner(optionflags=FLAGS, verbose=False)
     found = {part: text for part, text in documented(name) if ">>>" in text}

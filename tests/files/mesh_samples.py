@@ -4,13 +4,13 @@ The files in `samples` were written by Gmsh 4.15.2: a plate of 2 × 1 with the p
 of 2 × 1 × 1.5 with the physical surface left. `assembly.inp` follows the layout of Abaqus/CAE.
 """
 
-import importlib.util
 import shutil
 from functools import partial
 from pathlib import Path
 
 import meshio
 import numpy as np
+from scipy.io import netcdf_file
 
 import pdjax as pd
 from pdjax.files.vtk import write_vtk
@@ -58,49 +58,45 @@ def _exodus(folder: Path) -> Path:
 
 def exodus(path: Path) -> Path:
     """An Exodus file as Cubit and Peridigm write it: two blocks, sets of nodes and sides, three time steps."""
-    import netCDF4
-
     mesh = plate_mesh()
-    with netCDF4.Dataset(path, "w", format="NETCDF3_64BIT_OFFSET") as file:
+    with netcdf_file(path, "w", version=2) as file:
+        file.createDimension("time_step", None)
         dims = {"len_name": 33, "num_dim": 2, "num_nodes": 8, "num_elem": 4, "num_el_blk": 2, "num_node_sets": 1}
         dims |= {"num_side_sets": 1, "num_nod_var": 2, "num_elem_var": 1, "num_nod_ns1": 2, "num_side_ss1": 1}
         for name, length in dims.items():
             file.createDimension(name, length)
-        file.createDimension("time_step", None)
-        file.createVariable("time_whole", "f8", ("time_step",))[:] = [0.0, 0.5, 1.0]
+        file.createVariable("time_whole", "d", ("time_step",))[:3] = [0.0, 0.5, 1.0]
         for axis in range(2):
-            file.createVariable(f"coord{'xy'[axis]}", "f8", ("num_nodes",))[:] = mesh.points[:, axis]
+            file.createVariable(f"coord{'xy'[axis]}", "d", ("num_nodes",))[:] = mesh.points[:, axis]
         for k, (kind, block) in enumerate((("QUAD4", mesh.cells[1].data), ("TRI3", mesh.cells[2].data)), 1):
             file.createDimension(f"num_el_in_blk{k}", len(block))
             file.createDimension(f"num_nod_per_el{k}", block.shape[1])
-            table = file.createVariable(f"connect{k}", "i4", (f"num_el_in_blk{k}", f"num_nod_per_el{k}"))
+            table = file.createVariable(f"connect{k}", "i", (f"num_el_in_blk{k}", f"num_nod_per_el{k}"))
             table[:], table.elem_type = block + 1, kind
         words = {"eb_names": ("num_el_blk", ["steel", ""]), "ns_names": ("num_node_sets", ["left"])}
         words |= {"name_nod_var": ("num_nod_var", ["DISPLX", "DISPLY"]), "name_elem_var": ("num_elem_var", ["damage"])}
         for name, (dim, rows) in words.items():
-            letters = file.createVariable(name, "S1", (dim, "len_name"))
+            letters = file.createVariable(name, "c", (dim, "len_name"))
             for k, row in enumerate(rows):
                 letters[k] = np.array(list(row.ljust(33, "\0")), "S1")
-        file.createVariable("eb_prop1", "i4", ("num_el_blk",))[:] = [10, 20]
-        file.createVariable("ns_prop1", "i4", ("num_node_sets",))[:] = [1]
-        file.createVariable("ss_prop1", "i4", ("num_side_sets",))[:] = [7]
-        file.createVariable("node_ns1", "i4", ("num_nod_ns1",))[:] = [1, 5]
-        file.createVariable("elem_ss1", "i4", ("num_side_ss1",))[:] = [3]
-        file.createVariable("side_ss1", "i4", ("num_side_ss1",))[:] = [2]
+        file.createVariable("eb_prop1", "i", ("num_el_blk",))[:] = [10, 20]
+        file.createVariable("ns_prop1", "i", ("num_node_sets",))[:] = [1]
+        file.createVariable("ss_prop1", "i", ("num_side_sets",))[:] = [7]
+        file.createVariable("node_ns1", "i", ("num_nod_ns1",))[:] = [1, 5]
+        file.createVariable("elem_ss1", "i", ("num_side_ss1",))[:] = [3]
+        file.createVariable("side_ss1", "i", ("num_side_ss1",))[:] = [2]
         for k in range(2):
-            values = file.createVariable(f"vals_nod_var{k + 1}", "f8", ("time_step", "num_nodes"))
+            values = file.createVariable(f"vals_nod_var{k + 1}", "d", ("time_step", "num_nodes"))
             for step in range(3):
                 values[step] = 0.1 * step * (k + 1) * mesh.points[:, 0]
-        damage = file.createVariable("vals_elem_var1eb1", "f8", ("time_step", "num_el_in_blk1"))
-        damage[:] = [[0.0, 0.0], [0.1, 0.2], [0.3, 0.4]]
+        damage = file.createVariable("vals_elem_var1eb1", "d", ("time_step", "num_el_in_blk1"))
+        damage[:3] = [[0.0, 0.0], [0.1, 0.2], [0.3, 0.4]]
     return path
 
 
 def spheres(path: Path) -> Path:
     """An Exodus file of three spheres with the attributes radius and volume, as Peridigm reads it."""
-    import netCDF4
-
-    with netCDF4.Dataset(path, "w", format="NETCDF3_CLASSIC") as file:
+    with netcdf_file(path, "w") as file:
         for name, length in {
             "num_dim": 3,
             "num_nodes": 3,
@@ -111,10 +107,10 @@ def spheres(path: Path) -> Path:
         }.items():
             file.createDimension(name, length)
         for axis in "xyz":
-            file.createVariable(f"coord{axis}", "f8", ("num_nodes",))[:] = [0.0, 1.0, 2.0]
-        table = file.createVariable("connect1", "i4", ("num_el_in_blk1", "one"))
+            file.createVariable(f"coord{axis}", "d", ("num_nodes",))[:] = [0.0, 1.0, 2.0]
+        table = file.createVariable("connect1", "i", ("num_el_in_blk1", "one"))
         table[:], table.elem_type = [[3], [1], [2]], "SPHERE"
-        file.createVariable("attrib1", "f8", ("num_el_in_blk1", "two"))[:] = [[0.5, 3.0], [0.5, 1.0], [0.5, 2.0]]
+        file.createVariable("attrib1", "d", ("num_el_in_blk1", "two"))[:] = [[0.5, 3.0], [0.5, 1.0], [0.5, 2.0]]
     return path
 
 
@@ -131,8 +127,10 @@ def _series(folder: Path) -> Path:
     return path
 
 
-SAMPLES = {path.name: partial(_copied, path.name) for path in sorted(FOLDER.iterdir())}
+OF_MESHES = sorted(path for path in FOLDER.iterdir() if path.suffix in (".msh", ".inp", ".vtk"))
+SAMPLES = {path.name: partial(_copied, path.name) for path in OF_MESHES}
 SAMPLES |= {
+    "plate.exo": _exodus,
     "points.vtu": partial(_written, "points"),
     "points.pvd": partial(_written, "points.pvd"),
     "run.vtu.series": _series,
@@ -143,5 +141,3 @@ SAMPLES |= {
     "text.vtk": partial(_meshio, meshio.vtk.write, "text.vtk", binary=False),
     "text42.vtk": partial(_meshio, meshio.vtk.write, "text42.vtk", binary=False, fmt_version="4.2"),
 }
-if importlib.util.find_spec("netCDF4"):
-    SAMPLES["plate.exo"] = _exodus
