@@ -12,6 +12,7 @@ from ..geometry.voronoi import voronoi_volumes
 from .contents import Contents
 
 FLAT = 1e-9  # a coordinate is constant if it varies by less than this fraction of the largest extent
+LARGEST = 1e100  # of a coordinate; the cube of a larger one overflows
 WAYS = (
     'pass volume= a number or an array, volume="voronoi" with outline=, or volume="lattice" for points of a uniform'
     " lattice"
@@ -27,7 +28,11 @@ def body_from(
     """
     if outline is not None and not (isinstance(volume, str) and volume == "voronoi"):
         raise ValueError('outline is for Voronoi cells; pass volume="voronoi" too, or leave outline out')
+    if volume is not None and contents.uncertain:
+        raise ValueError(f"{path}: with volume= it must be certain what the columns are, but {contents.uncertain}")
     notes = list(contents.notes)
+    if volume is not None and contents.volumes is not None:
+        notes.append("The volumes of the file are not used.")
     positions = _checked_positions(path, contents)
     axes = _axes(path, positions, dim)
     if len(axes) < positions.shape[1]:
@@ -74,12 +79,12 @@ def _checked_positions(path: Path, contents: Contents) -> np.ndarray:
     positions = np.asarray(contents.positions, dtype=float)
     if positions.ndim != 2 or positions.shape[1] not in (1, 2, 3) or len(positions) == 0:
         raise ValueError(f"{path}: expected at least one point in 1 to 3 dimensions; got positions {positions.shape}")
-    bad = np.flatnonzero(~np.isfinite(positions).all(axis=1))
+    bad = np.flatnonzero(~(np.abs(positions) < LARGEST).all(axis=1))  # NaN is not smaller
     if bad.size:
         k = int(bad[0])
         raise ValueError(
-            f"{path}, {contents.where(k)}: expected finite coordinates; got {positions[k].tolist()} ({bad.size} such"
-            " points); correct or remove them"
+            f"{path}, {contents.where(k)}: expected finite coordinates below {LARGEST:g}; got {positions[k].tolist()}"
+            f" ({bad.size} such points); correct or remove them"
         )
     return positions
 
@@ -103,6 +108,12 @@ def _axes(path: Path, positions: np.ndarray, dim: int | None) -> tuple[int, ...]
 
 
 def _refuse_coinciding(path: Path, positions: np.ndarray, where: Callable[[int], str]) -> None:
+    with np.errstate(over="ignore", invalid="ignore"):
+        keys = np.sort(
+            sum(x * weight for x, weight in zip(positions.T, (1.0, 0.7548776662, 0.5698402910), strict=False))
+        )
+        if (keys[1:] > keys[:-1]).all():  # points that coincide have the same sum
+            return
     order = np.lexsort(positions.T)
     same = np.flatnonzero((positions[order[1:]] == positions[order[:-1]]).all(axis=1))
     if same.size:

@@ -36,6 +36,8 @@ class Contents:
     dim : int or None
         Dimension of the cells of a mesh, whose measures are the volumes. One layer of hexahedra is a body in 3D,
         although all its centroids have the same z. None if the file does not tell.
+    uncertain : str
+        What is uncertain if the user gives other volumes, as a part of an error message; "" if nothing is.
     """
 
     positions: np.ndarray
@@ -45,6 +47,7 @@ class Contents:
     where: Callable[[int], str] = "point {}".format
     notes: tuple[str, ...] = ()
     dim: int | None = None
+    uncertain: str = ""
 
 
 class States(NamedTuple):

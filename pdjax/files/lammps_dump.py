@@ -56,9 +56,9 @@ def states(path: Path) -> States:
     first: list[Frame] = []
 
     def at(number: int) -> Contents:
-        if not first:
-            first.append(_frame(path, offsets, 0)._replace(columns={}))
         frame = _frame(path, offsets, number)
+        if not first:
+            first.append((_frame(path, offsets, 0) if number else frame)._replace(columns={}))
         return _state(path, number, first[0], frame, times, are_steps)
 
     return States(tuple(times), at)

@@ -10,6 +10,7 @@ Peridigm users' guide, section on text file discretisations. PeriLab documentati
 volume and a block of material for every point.
 """
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -109,6 +110,9 @@ def _contents(path: Path) -> Contents:
         return f"line {line_of(place, row)}"
 
     try:
-        return body_of({names[k]: column for k, column in zip(kept, values.T, strict=True)}, where, tuple(notes))
+        body = body_of({names[k]: column for k, column in zip(kept, values.T, strict=True)}, where, tuple(notes))
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
+    if named is None and len(names) < 5:
+        return replace(body, uncertain=f"its last column has no name and may be a coordinate or a volume; {ADVICE}")
+    return body

@@ -58,13 +58,11 @@ class Recognised(NamedTuple):
 
 def rounding(values: np.ndarray) -> float:
     """Half a unit in the last decimal digit of the largest of the values, by the digits that they are written with."""
-    flat = np.unique(np.abs(values).reshape(-1))
-    flat = flat[flat > 0]
-    if not flat.size:
+    largest = float(np.abs(values).max(initial=0.0))
+    if largest == 0:
         return 0.0
-    largest = float(flat[-1])
-    if flat.size > SAMPLE:
-        flat = flat[np.linspace(0, flat.size - 1, SAMPLE).astype(int)]
+    flat = np.abs(values.reshape(-1)[:: max(1, values.size // SAMPLE)])
+    flat = np.append(flat, largest)
     flat = flat[flat > np.finfo(float).tiny / np.finfo(float).eps]  # smaller numbers have no digits to count
     exponents = np.floor(np.log10(flat))
     for digits in range(1, 16):
@@ -76,6 +74,11 @@ def rounding(values: np.ndarray) -> float:
 
 def recognised(positions: np.ndarray, spacing: float | None = None) -> Recognised:
     """Find the uniform lattice of positions (points, dim). Raises ValueError with the reason if there is none."""
+    with np.errstate(all="ignore"):  # what overflows is not finite and is refused
+        return _recognised(positions, spacing)
+
+
+def _recognised(positions: np.ndarray, spacing: float | None) -> Recognised:
     low = positions.min(axis=0)
     reach = positions - low
     noise = SINGLE * float(np.abs(positions).max())
@@ -86,9 +89,15 @@ def recognised(positions: np.ndarray, spacing: float | None = None) -> Recognise
     if not gaps.size and spacing is None:
         raise ValueError("the points do not differ by more than the rounding of their coordinates")
     h = float(gaps.min()) if spacing is None else float(spacing)
-    if gaps.size and gaps.max() / h > 2**31:
+    if gaps.size and not gaps.max() / h <= 2**31:
         raise ValueError(f"the points lie {gaps.max() / h:.3g} spacings of {h:g} apart")
     steps = [np.concatenate([[0.0], np.cumsum(np.round(np.diff(at) / h))]) for at, _ in layers]
+    cells = tuple(int(step[-1]) + 1 for step in steps)
+    if np.prod(np.array(cells, dtype=float)) > MOST_CELLS * len(positions):
+        raise ValueError(
+            f"coordinates differ by as little as {h:.9g}, and a lattice of this spacing has"
+            f" {' × '.join(map(str, cells))} cells for {len(positions)} points"
+        )
     index = np.stack([step[layer] for step, (_, layer) in zip(steps, layers, strict=True)], axis=1)
     if spacing is None:
         h = _fitted(reach, index, h)
@@ -97,18 +106,13 @@ def recognised(positions: np.ndarray, spacing: float | None = None) -> Recognise
     shift = _simple(shift, h, error)
     centres = shift + index * h
     away = np.abs(positions - centres)
-    if away.max() > error:
+    if not away.max() <= error:
         k, axis = np.unravel_index(int(np.argmax(away)), away.shape)
         raise ValueError(
             f"the {'xyz'[axis]} coordinate of point {k}, {positions[k, axis]:.9g}, is {away.max() / h:.2g} spacings of"
             f" {h:.9g} from the lattice"
         )
     index = index.astype(np.int64)
-    cells = tuple(int(n) + 1 for n in index.max(axis=0))
-    if np.prod(np.array(cells, dtype=float)) > MOST_CELLS * len(positions):
-        raise ValueError(
-            f"a lattice of spacing {h:.9g} has {' × '.join(map(str, cells))} cells for {len(positions)} points"
-        )
     sites = np.ravel_multi_index(tuple(index.T), cells)
     _refuse_scattered(sites, cells, h)
     origin = tuple(0.0 if abs(x) < 1e-9 * h else float(x) for x in shift - h / 2)
@@ -119,7 +123,7 @@ def recognised(positions: np.ndarray, spacing: float | None = None) -> Recognise
 
 def _layers(x: np.ndarray, noise: float) -> tuple[np.ndarray, np.ndarray]:
     """The different coordinates along an axis, in ascending order, and which of them each point has."""
-    order = np.argsort(x, kind="stable")
+    order = np.argsort(x)
     new = np.concatenate([[False], np.diff(x[order]) > noise])
     layer = np.empty(len(x), dtype=np.int64)
     layer[order] = np.cumsum(new)

@@ -2,7 +2,7 @@
 
 A seeded generator damages a valid file of each format: flipped bits, cut ends, lost and doubled lines, tokens that are
 no numbers or too large, long lines, zero bytes, exchanged lines. `SAMPLES` is the table of formats. A new format is one
-line: a function that writes a valid file into a folder and returns its path.
+line: a function that writes a valid file into a folder and returns its path. `mesh_samples` has those of meshes.
 """
 
 import re
@@ -12,6 +12,7 @@ import warnings
 
 import numpy as np
 import pytest
+from mesh_samples import SAMPLES as MESHES
 
 import pdjax as pd
 
@@ -33,8 +34,8 @@ TOKENS += [
     b"1,5",
     b"/dev/zero",
 ]
-MEMORY = 64 * 2**20  # bytes; the samples have some kB, and measured reads take at most 3 MB
-SECONDS = 10.0  # measured reads take at most 0.1 s
+MEMORY = 64 * 2**20  # bytes; the samples have some kB, and measured reads take at most 5.3 MB
+SECONDS = 10.0  # measured reads take at most 0.6 s of a busy machine
 
 
 def written(name):
@@ -70,7 +71,7 @@ SAMPLES = {
     "peridigm": text("b.txt", PERIDIGM),
     "lammps data": text("a.data", DATA),
     "lammps dump": text("a.dump", DUMP),
-}
+} | MESHES
 
 
 def flip(raw, rng):
@@ -141,41 +142,41 @@ def read(path, volume=None):
             pass
     except (ValueError, OSError, ImportError) as error:
         assert len(str(error)) > 20, error
-        if error.__cause__ is not None:  # an error of decoding that the reader itself should have found
-            assert isinstance(error.__cause__, ValueError | OSError), (error, error.__cause__)
+        assert "is damaged or of another format: " not in str(error), error  # the reader itself must find the fault
         return False
     return True
 
 
-def fuzz(name, folder, seeds):
+def fuzz(name, folder, seeds, memory=False):
+    """Damage and read a sample once for each seed. `memory`: also watch the memory, which takes some times as long."""
     path = SAMPLES[name](folder)
     raw = path.read_bytes()
     assert read(path), "the sample must be valid"
-    good = 0
-    tracemalloc.start()
+    if memory:
+        tracemalloc.start()
     try:
         for seed in seeds:
             path.write_bytes(damaged(raw, seed))
-            tracemalloc.reset_peak()
             start = time.perf_counter()
             try:
                 with warnings.catch_warnings():
                     warnings.simplefilter("error")
-                    good += read(path, "lattice" if seed % 4 == 0 else None)
+                    read(path, "lattice" if seed % 4 == 0 else None)
             except BaseException as error:
                 raise AssertionError(f"{name}, seed {seed}: {type(error).__name__}: {error}") from error
-            assert tracemalloc.get_traced_memory()[1] < MEMORY, f"{name}, seed {seed}: memory"
             assert time.perf_counter() - start < SECONDS, f"{name}, seed {seed}: time"
+            if memory:
+                assert tracemalloc.get_traced_memory()[1] < MEMORY, f"{name}, seed {seed}: memory"
+                tracemalloc.reset_peak()
     finally:
         tracemalloc.stop()
-    return good
 
 
 @pytest.mark.parametrize("name", SAMPLES)
 def test_damaged_files_are_read_or_refused(name, tmp_path):
-    fuzz(name, tmp_path, range(60))
+    fuzz(name, tmp_path, range(20))
 
 
 @pytest.mark.parametrize("name", SAMPLES)
 def test_ten_thousand_damaged_files_are_read_or_refused(name, tmp_path):
-    fuzz(name, tmp_path, range(10_000))
+    fuzz(name, tmp_path, range(10_000), memory=True)

@@ -127,6 +127,15 @@ def test_volumes_from_the_file_a_number_an_array_voronoi_cells_or_a_lattice(tmp_
             read(tmp_path, text, **arguments)
 
 
+def test_columns_without_names_and_volumes_as_an_argument_are_refused(tmp_path):
+    with pytest.raises(
+        ValueError, match="its last column has no name and may be a coordinate or a volume; name the col"
+    ):
+        read(tmp_path, "0 0 1\n1 0 2\n0 1 3\n", volume=1.0)
+    body, data = read(tmp_path, PERIDIGM.split("\n", 1)[1], volume=2.0)
+    assert (body.volumes == 2.0).all() and "The volumes of the file are not used." in data.notes
+
+
 def test_rounded_digits_give_the_exact_lattice_in_the_order_of_the_file(tmp_path):
     body = pd.lattice((6, 5), 1 / 3)
     order = np.random.default_rng(0).permutation(30)
@@ -144,8 +153,11 @@ BAD = {
     "zero volume": ("# x y volume\n0 0 1\n1 0 0\n", "line 3: expected a volume that is finite and > 0; got 0.0"),
     "negative volume": ("0 0 1\n\n1 0 -1\n", r"line 3: expected a volume .*; got -1.0 .*taken as x, y, volume"),
     "NaN volume": ("# x y volume\n0 0 nan\n", "line 2: expected a volume that is finite and > 0; got nan"),
-    "NaN": ("# x y volume\n0 0 1\nnan 0 1\n", r"line 3: expected finite coordinates; got \[nan, 0.0\]"),
-    "overflow": ("# x y volume\n0 0 1\n1e999 0 1\n", r"line 3: expected finite coordinates; got \[inf, 0.0\]"),
+    "NaN": ("# x y volume\n0 0 1\nnan 0 1\n", r"line 3: expected finite coordinates below 1e\+100; got \[nan, 0.0\]"),
+    "overflow": (
+        "# x y volume\n0 0 1\n1e999 0 1\n",
+        r"line 3: expected finite coordinates below 1e\+100; got \[inf, 0.0\]",
+    ),
     "twice": ("# x y volume\n0 1 1\n1 0 1\n\n0 1 1\n", "line 2 and line 5 have the same position"),
     "no x": ("# y volume heat\nlength volume\n1 2\n", "expected columns named x, y and z, x and y, or x; got length"),
     "z without y": ("x z volume\n1 2 3\n", "expected columns named x"),

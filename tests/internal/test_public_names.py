@@ -9,18 +9,19 @@ NAMES = """
 CATALOGUE CRITERIA LPS PATHS AbstractModel Atlas BodyCritical BodyStability BondAssociated BondAssociatedForce
 BondBased BondLevel BondLevelAverage Bonds CellStability Correspondence Dispersion Energies EnergyLaw Equilibrium
 EquilibriumPath Failure Families LatticeFamily ForceOperator History Hold Law LinearElastic LittlewoodControl Motion
-NeighbourReport NeoHookean Plane PointStateModel Points Polygon Ramp Rate ReproducingKernel Scene Segment SethHill
-SillingControl SlabForce SmoothRamp Stability StabilityMap SubHorizon TupekRadovitzky TwoStageModel WanControl advise
-amplitude bar body_critical_load body_force body_inertia body_spectrum body_stability bond_average_strain
+NeighbourReport NeoHookean Plane PointData PointStateModel Points Polygon Ramp Rate ReproducingKernel Scene Segment
+SethHill SillingControl SlabForce SmoothRamp Stability StabilityMap SubHorizon TupekRadovitzky TwoStageModel WanControl
+advise amplitude bar body_critical_load body_force body_inertia body_spectrum body_stability bond_average_strain
 cauchy_stress cell_families cell_stability cell_symbol center_block classical_frequency closed_forms cloud
 constant_influence critical_load critical_time_step cubic_spline_influence cuboid cut diffrax_start diffrax_terms
 dilatation dispersion energy_density equilibrium_path export families figures force_density force_operator force_state
 gaussian_influence graded homogeneous_traction hydrostatic inverse_distance_influence jacobian jvp lattice
 lattice_family linear_influence linearised load_slope local_strain log_stretch measured_rate model_atlas motion
 neighbour_report observers p_wave_modulus parabolic_influence partial_volume_influence piola_stress plane_bulk_modulus
-plate prescribe relaxed scene scenes shape_tensor_K shape_tensor_L sharded_vmap simple_shear simulate simulate_diffrax
-slab_force solve stability stability_map stable_orders strain strain_energy stress symbol symplectic_terms total_force
-uniaxial_strain uniaxial_stress use_compilation_cache verlet_rate von_mises weighted_volume zero_energy_waves
+plate prescribe read_points relaxed scene scenes shape_tensor_K shape_tensor_L sharded_vmap simple_shear simulate
+simulate_diffrax slab_force solve stability stability_map stable_orders strain strain_energy stress symbol
+symplectic_terms total_force uniaxial_strain uniaxial_stress use_compilation_cache verlet_rate von_mises weighted_volume
+write_points zero_energy_waves
 """.split()
 
 
