@@ -5,11 +5,11 @@ motions need not have the eigenvalue 0, because the forces turn with a rotation:
 and are excluded: the spectrum is that of H = V^½ J V^-½ on the vectors orthogonal to the free rigid motions of the
 deformed body.
 
-Let R (unknowns, r) be an orthonormal basis of them. A = H − σ is nearly singular, because at rest all rigid motions have
-the eigenvalue 0. The matrix that is factorised is therefore P = A − s E Eᵀ, in which springs of stiffness s = ‖H‖ hold r
-components: the columns of E. They are chosen such that no rigid motion is free. Let B = [E, R] and
-C = diag(I/s, 0) + Bᵀ P⁻¹ B, a matrix of 2r × 2r. Haynsworth's formula, applied to the matrix [P, B; Bᵀ, diag(−I/s, 0)],
-gives the number of positive eigenvalues of A on the complement of R:
+Let R (unknowns, r) be an orthonormal basis of them. At rest all rigid motions have the eigenvalue 0, so A = H − σ is
+nearly singular. The matrix P = A − s E Eᵀ is factorised in its place: springs of stiffness s = ‖H‖ hold r components,
+the columns of E, such that no rigid motion is free. Let B = [E, R] and C = diag(I/s, 0) + Bᵀ P⁻¹ B, which is 2r × 2r.
+Haynsworth's formula for the matrix [P, B; Bᵀ, diag(−I/s, 0)] gives the number of positive eigenvalues of A on the
+complement of R:
 
     n₊(A on the complement) = n₊(P) + n₊(−C) − r
 
@@ -183,7 +183,7 @@ def _sparse(H: sp.csc_array, R: np.ndarray, tolerance: float) -> tuple[int, floa
         if shift > 4 * norm:
             raise Singular("no bound above the largest eigenvalue was found")
         solver = _Complement(H, R, shift, norm)
-    values, vectors = nearest(H, solver.solve, shift, 1, start)
+    _, vectors = nearest(H, solver.solve, shift, 1, start)
     w = vectors[:, 0] - R @ (R.T @ vectors[:, 0])
     w /= np.linalg.norm(w)
     return positive, float(w @ (H @ w)), w
