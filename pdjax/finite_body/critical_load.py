@@ -95,7 +95,7 @@ class BodyCritical(eqx.Module):
 
 def _near_zero(A: sp.csc_array, factor: Factor, start: np.ndarray | None) -> tuple[float, np.ndarray]:
     """The eigenpair of A nearest to zero."""
-    values, vectors = nearest(A, factor, 0.0, 1, start)
+    values, vectors = nearest(A, factor.solve, 0.0, 1, start)
     return float(values[0]), vectors[:, 0]
 
 

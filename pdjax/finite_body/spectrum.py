@@ -17,6 +17,7 @@ Three methods compute the largest eigenvalues. The size of the body decides whic
 For the first two methods `pdjax.finite_body.inertia` proves the number of positive eigenvalues, where rounding permits.
 """
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import equinox as eqx
@@ -202,7 +203,7 @@ def scaled_matrix(A: sp.csc_array, root: np.ndarray) -> sp.csc_array:
 
 
 def nearest(
-    H: sp.csc_array, factor: Factor, shift: float, k: int, start: np.ndarray | None
+    H: sp.csc_array, solve: Callable[[np.ndarray], np.ndarray], shift: float, k: int, start: np.ndarray | None
 ) -> tuple[np.ndarray, np.ndarray]:
     """The eigenpairs of H nearest to `shift`, by Lanczos iteration on (H − shift)⁻¹: at most k, at least one.
 
@@ -212,7 +213,7 @@ def nearest(
     """
     import scipy.sparse.linalg as sla
 
-    inverse = sla.LinearOperator(H.shape, matvec=factor.solve, dtype=float)
+    inverse = sla.LinearOperator(H.shape, matvec=solve, dtype=float)
     try:
         values, vectors = eigenpairs(H, k, sigma=shift, OPinv=inverse, v0=start, tol=1e-8, maxiter=200)
         order = np.argsort(np.abs(values - shift))[:k]
@@ -222,7 +223,7 @@ def nearest(
             return failure.eigenvalues, failure.eigenvectors
     w = np.ones(H.shape[0]) if start is None else start
     for _ in range(60):
-        w = factor.solve(w)
+        w = solve(w)
         w = w / np.linalg.norm(w)
     return np.array([w @ (H @ w)]), w[:, None]
 
@@ -235,7 +236,7 @@ def _certified_top(H: sp.csc_array, count: int, tolerance: float, norm: float) -
     positive, factors = proof.positive, proof.factorisations
 
     def near(factor: Factor, shift: float) -> tuple[np.ndarray, np.ndarray]:
-        values, vectors = nearest(H, factor, shift, count, np.ones(size) + start)
+        values, vectors = nearest(H, factor.solve, shift, count, np.ones(size) + start)
         order = np.argsort(values)[::-1]
         return values[order], vectors[:, order]
 
