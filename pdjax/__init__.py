@@ -11,8 +11,7 @@ critical loads, the equilibria and motions of whole bodies, and the derivatives 
     pdjax.force              forces, energies, strains and stresses of a body or of one family
         force_density, force_operator, force_state, strain_energy, strain, stress, cauchy_stress, von_mises,
         surface_correction
-    pdjax.tangent            the exact Jacobian of the forces of a body
-        jacobian, jvp
+    pdjax.tangent            the exact Jacobian of the forces of a body: jacobian, jvp
     pdjax.infinite_lattice   stability and waves of an infinite lattice, from one family
         stability, certify, certify_path, critical_load, stability_map, model_atlas, symbol, center_block, dispersion
         cell_stability, hydrostatic, uniaxial_strain, uniaxial_stress, simple_shear
@@ -23,11 +22,9 @@ critical loads, the equilibria and motions of whole bodies, and the derivatives 
     pdjax.optimise           design by gradient, and parameters from measured data
         worst_margin, load_cases, dispersion_error, lattice_time_step, design, pareto_front
         identify, tikhonov, total_variation
-    pdjax.trust              whether a computed state of a body can be trusted
-        audit, audit_states, trust_observer
+    pdjax.trust              whether a computed state can be trusted: audit, audit_states, trust_observer
     pdjax.figures            matplotlib figures of results
-    pdjax.files              points and fields from files and to files, VTK files: pdjax.export
-        read_points, PointData, write_points
+    pdjax.files              points and fields from files and to files: read_points, PointData, write_points, export
     pdjax.studies            the paper of Behzadinasab & Foster: figures, claims, formulas: pdjax.closed_forms
     pdjax.bench              measurements of speed, and advice on methods: pdjax.advise
 
@@ -35,8 +32,7 @@ The indented names belong to pdjax itself, such as `pdjax.stability`. `help(pdja
 
 The dtype of the results follows the inputs. The signs of eigenvalues decide verdicts, so enable float64 first:
 `jax.config.update("jax_enable_x64", True)`. pdjax changes no setting of JAX unless `use_compilation_cache` is called.
-Where jaxlib 0.10 is installed, pdjax sets one flag of XLA (see `pdjax._internal.xla`). Therefore import pdjax before
-the first computation.
+With jaxlib 0.10, pdjax sets one flag of XLA (see `pdjax._internal.xla`): import pdjax before the first computation.
 """
 
 import importlib as _importlib

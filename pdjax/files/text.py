@@ -6,8 +6,7 @@ too: "# x y volume". Columns of other names are fields.
 
 References
 ----------
-Peridigm users' guide, section on text file discretisations. PeriLab documentation, section on meshes. Both define a
-volume and a block of material for every point.
+Public files and scripts of the repositories peridigm/peridigm (examples/wave_in_bar) and PeriHub/PeriLab.jl.
 """
 
 from dataclasses import replace
