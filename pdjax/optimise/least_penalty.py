@@ -13,7 +13,6 @@ from collections.abc import Callable
 
 import jax
 import numpy as np
-from scipy.optimize import root_scalar
 
 from .._internal.checks import as_array
 from .._internal.public import public_function
@@ -101,6 +100,8 @@ def least_penalty(
                     f"build must return a model whose margin decreases with g; its derivative at g = {g:g} is {slope:g}"
                 )
         return value - margin, slope
+
+    from scipy.optimize import root_scalar  # imported here, because the import takes a third of a second
 
     try:
         return float(root_scalar(excess, x0=0.0, fprime=True, method="newton", xtol=1e-14, maxiter=STEPS).root)
