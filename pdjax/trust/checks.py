@@ -19,6 +19,9 @@ this factor stays below e is harmless in a short motion, but not in a state of r
 
 **Where strains are small**, two small energies have any quotient. The check of zero-energy modes therefore divides P by
 P + W with the larger of W(U) of the point and its mean over the body.
+
+**Supports.** The displacement of a point whose components are all held is prescribed. At the edge of a rigid clamp the
+strain jumps, which a family sees as z. The check of zero-energy modes therefore leaves out these points.
 """
 
 from collections.abc import Callable
@@ -43,7 +46,10 @@ class Forces(NamedTuple):
 
 
 class Evidence(NamedTuple):
-    """All that an audit has measured. `size` is L/h of the body, `roughness` the alternation of its worst mode."""
+    """All that an audit has measured. `size` is L/h of the body, `roughness` the alternation of its worst mode.
+
+    `held` (points, dim) tells which components are supported.
+    """
 
     points: PointMeasures
     lattice: OwnLattice | None
@@ -53,7 +59,7 @@ class Evidence(NamedTuple):
     volumes: np.ndarray
     size: float
     dim: int
-    supported: bool
+    held: np.ndarray
 
 
 class PointCheck(NamedTuple):
@@ -101,7 +107,8 @@ def _critical(e: Evidence) -> np.ndarray | None:
 def _zero_energy(e: Evidence) -> np.ndarray:
     share, (low, high) = _shares(e), ZERO_ENERGY
     score = np.where(share < low, share / low, 1 + (share - low) / (high - low))
-    return np.where(e.points.alternation > ALTERNATES, score, np.minimum(score, 1.9))
+    score = np.where(e.points.alternation > ALTERNATES, score, np.minimum(score, 1.9))
+    return np.where(e.held.all(axis=1), 0.0, score)
 
 
 def _shares(e: Evidence) -> np.ndarray:
@@ -128,7 +135,7 @@ def _saddle(e: Evidence) -> tuple[float, str] | None:
         f"the Jacobian of the body has {body.positive} positive eigenvalues; the mode of the largest {kind}"
         f" (alternation {e.roughness:.2f})"
     )
-    if not rough and not e.supported:
+    if not rough and not e.held.any():
         return 1.5, f"{words}. It may be the buckling of a body whose supports are not known: pass held="
     return 2.0, words
 
