@@ -258,6 +258,9 @@ class Auditor:
     def lattice(self, points: PointMeasures, path: bool) -> OwnLattice:
         """Margins and, if `path` is True, critical factors of all points."""
         G = points.stretch if self.model.objective else points.gradient
+        G = np.where(
+            points.det[:, None, None] > 0, G, np.nan
+        )  # U of an inverted family would be that of its mirror image
         return own_lattice(self.family, self.materials, G, path)
 
     def body(self, u: np.ndarray, F: np.ndarray | None) -> FreeSpectrum:
@@ -276,8 +279,7 @@ class Auditor:
         if body is not None and body.mode is not None:
             weight = (body.mode**2).sum(axis=1)
             roughness = float(weight @ alternation(self.families, body.mode) / weight.sum())
-        supported, dim = bool(self.held.any()), self.families.dim
-        return Evidence(points, lattice, body, roughness, forces, self.volumes, self.size, dim, supported)
+        return Evidence(points, lattice, body, roughness, forces, self.volumes, self.size, self.families.dim, self.held)
 
     def judged(
         self,

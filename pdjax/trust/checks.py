@@ -23,6 +23,9 @@ the strain have a share of about 0.01, and ±60 % one of about 0.1.
 
 **Where strains are small**, two small energies have any quotient. The check of zero-energy modes therefore divides P by
 P + W with the larger of W(U) of the point and its mean over the body.
+
+**Supports.** The displacement of a point whose components are all held is prescribed. At the edge of a rigid clamp the
+strain jumps, which a family sees as z. The check of zero-energy modes therefore leaves out these points.
 """
 
 from collections.abc import Callable
@@ -47,7 +50,10 @@ class Forces(NamedTuple):
 
 
 class Evidence(NamedTuple):
-    """All that an audit has measured. `size` is L/h of the body, `roughness` the alternation of its worst mode."""
+    """All that an audit has measured. `size` is L/h of the body, `roughness` the alternation of its worst mode.
+
+    `held` (points, dim) tells which components are supported.
+    """
 
     points: PointMeasures
     lattice: OwnLattice | None
@@ -57,7 +63,7 @@ class Evidence(NamedTuple):
     volumes: np.ndarray
     size: float
     dim: int
-    supported: bool
+    held: np.ndarray
 
 
 class PointCheck(NamedTuple):
@@ -105,7 +111,8 @@ def _critical(e: Evidence) -> np.ndarray | None:
 def _zero_energy(e: Evidence) -> np.ndarray:
     share, (low, high) = _shares(e), ALTERNATING
     alternating = np.where(share < low, share / low, 1 + (share - low) / (high - low))
-    return np.where(e.points.alternation > ALTERNATES, alternating, np.minimum(share / VARYING, 1.9))
+    score = np.where(e.points.alternation > ALTERNATES, alternating, np.minimum(share / VARYING, 1.9))
+    return np.where(e.held.all(axis=1), 0.0, score)
 
 
 def _shares(e: Evidence) -> np.ndarray:
@@ -132,7 +139,7 @@ def _saddle(e: Evidence) -> tuple[float, str] | None:
         f"the Jacobian of the body has {body.positive} positive eigenvalues; the mode of the largest {kind}"
         f" (alternation {e.roughness:.2f})"
     )
-    if not rough and not e.supported:
+    if not rough and not e.held.any():
         return 1.5, f"{words}. It may be the buckling of a body whose supports are not known: pass held="
     return 2.0, words
 

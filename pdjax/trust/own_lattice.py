@@ -176,7 +176,8 @@ def _factors(material: Material, family: LatticeFamily, G: np.ndarray, unstable:
 def own_lattice(family: LatticeFamily, parts: list[Material], G: np.ndarray, path: bool) -> OwnLattice:
     """Margins and, if `path` is True, critical factors of all points under their deformations I + G (points, dim, dim).
 
-    G is U − I for an objective model and F̄ − I for any other. A point with det(I + G) ≤ 0 gets NaN.
+    G is U − I for an objective model and F̄ − I for any other. A point gets NaN if its G is not finite or
+    det(I + G) ≤ 0.
     """
     points, dim = G.shape[:2]
     margin, tolerance, factor = np.full(points, np.nan), np.zeros(points), np.full(points, np.nan)

@@ -216,6 +216,22 @@ def test_a_checkerboard_alternates_and_a_quadratic_field_does_not():
     assert worst(alternation(families, np.zeros_like(X))) == 0
 
 
+def test_one_change_of_sign_at_a_surface_is_no_alternation():
+    """d is 1 in the first row and −1 in all others, as at a free side. Two changes on two sides do alternate."""
+    families = pd.families(pd.lattice((8, 5), 0.5), 1.01)
+    row = np.indices((8, 5))[0].reshape(-1)
+    once = np.where(row == 0, 1.0, -1.0)[:, None] * np.array([1.0, 0.5])
+    assert alternation(families, once).max() < -0.9  # each row is alike along itself
+    stripe = np.where(row == 3, 1.0, -1.0)[:, None] * np.array([1.0, 0.5])
+    found = alternation(families, stripe)
+    assert worst(found[row == 3], 1.0) < 1e-14 and found[row != 3].max() < -0.9
+    # In 1D the ends of an alternating chain have one neighbour only, and alternate like it. A pair of points does too.
+    for n in (9, 2):
+        chain = pd.families(pd.lattice((n,), 0.5), 0.51)
+        assert worst(alternation(chain, (-1.0) ** np.arange(n)[:, None]), 1.0) < 1e-14
+        assert alternation(chain, np.ones((n, 1))).max() == -1
+
+
 # ---------------------------------------------------------------- families that are cut, padded or empty
 
 

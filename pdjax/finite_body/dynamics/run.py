@@ -214,7 +214,8 @@ class _Host:
     def stopped_by(self, record: Record) -> str:
         """The observer that stops the run after this record, and its reason; empty if none does."""
         for name, watch in self.observers.items():
-            reason = watch.stops(record.observed[name])
+            # Records of a checkpoint hold scalars of NumPy in place of arrays of shape ().
+            reason = watch.stops({key: np.asarray(value) for key, value in record.observed[name].items()})
             if reason:
                 return f"{name}, {reason}"
         return ""
