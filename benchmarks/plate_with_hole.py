@@ -1,13 +1,13 @@
 """A plate with a hole under tension, on meshes of Gmsh: the stress concentration against the number of points.
 
 The plate is square, W = 1, with a central hole of diameter d = W/5, in plane stress. Both ends are pulled with the mean
-stress σ, by a body force over a layer of three spacings. Gmsh makes meshes of 31, 61 and 121 cells across the plate;
-every cell becomes a point. The stress concentration is the largest σ_xx of all points divided by σ (gross). References:
+stress σ, by a body force over a layer of three spacings. Gmsh makes meshes of 31, 61 and 121 cells across the plate.
+Every cell becomes a point. The stress concentration is the largest σ_xx of all points divided by σ (gross). References:
 3 for an infinite plate (Kirsch 1898), and (2 + (1 − d/W)³)/(1 − d/W) = 3.14 for a strip of this width (Heywood 1952).
 
-The stress of a point is that of its cell's centroid, half a cell beside the edge of the hole. Kirsch's stress falls by
-7/3 of its value over a hole radius there, so that the largest value of a coarse mesh is smaller than the one at the edge.
-The audit of every solution is recorded.
+The stress of a point is that of its cell's centroid, half a cell beside the edge of the hole. Kirsch's stress falls
+there by 7/3 of its value over one radius, so a coarse mesh has too small a largest value. The audit of every solution is
+recorded.
 """
 
 import argparse
@@ -106,7 +106,7 @@ def one(file: Path, name: str, model: pd.AbstractModel) -> dict:
         "stress concentration": float(stress.max()),
         "error against 3.14": float(stress.max() / HEYWOOD - 1),
         "at": at.tolist(),
-        "distance from the hole's edge over spacing": float((np.hypot(*at) - RADIUS) / math.sqrt(np.median(points.volumes))),
+        "distance from the edge over spacing": float((np.hypot(*at) - RADIUS) / math.sqrt(np.median(points.volumes))),
         "kind": found.kind,
         "verdict": state.verdict,
         "findings": [f.check for f in state.findings],

@@ -84,7 +84,8 @@ class Audit:
     findings : tuple of Finding
         What the checks have found, the worst first.
     score : array, shape (points,)
-        Largest score of all checks of points: 1 is doubtful, 2 is untrusted.
+        Largest score of all checks of points: from 1 on doubtful, from 2 on untrusted. The verdict also asks how many
+        points have this score, see `pdjax.trust.checks`.
     zero_energy : array, shape (points,)
         Energy that a penalty of strength 1 on zero-energy modes would hold, divided by itself plus ψ(F̄) [-].
     non_affine : array, shape (points,)
@@ -247,6 +248,7 @@ class Auditor:
         self.stiffness = micromodulus(bulk, horizon, dim) / horizon
         self.volumes = np.asarray(families.volumes, float)
         self.periodic = _is_periodic(families)
+        self.bonds = int(np.median(np.asarray(families.count)))
         self.positions = np.asarray(families.positions, float)
         extent = np.ptp(self.positions, axis=0).max() if points > 1 else 0.0
         self.size = float(extent / np.asarray(self.family.spacing)) + 1
@@ -298,10 +300,10 @@ class Auditor:
             if score is None:
                 continue
             scores[check] = score
-            worst = int(np.argmax(score))
-            if score[worst] >= 1:
+            worst, total = int(np.argmax(score)), check.of_state(score, self.bonds)
+            if total >= 1:
                 words = f"point {worst}: {check.words(evidence, worst)}"
-                findings.append(Finding(check.name, float(score[worst]), int((score >= 1).sum()), worst, words))
+                findings.append(Finding(check.name, total, int((score >= 1).sum()), worst, words))
         for whole in BODY_CHECKS:
             found = whole.judge(evidence)
             if found is not None:

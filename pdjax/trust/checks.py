@@ -14,6 +14,10 @@ a line to `POINT_CHECKS` or `BODY_CHECKS`.
     saddle            positive eigenvalue with a smooth mode      with supports, or a mode that alternates
     forces            forces differ from the file's by 1e-6       by 1e-2
 
+**Regions.** A wave needs room. One point with a high score, such as a corner, makes a state doubtful. By instability or
+zero-energy modes a state is untrusted only if the score reaches 2 at as many points as a family has, or at a quarter of
+the points of a smaller body.
+
 **Growth.** A wave of margin μ > 0 grows at most at the rate √μ · 2√dim/h · c, where c is the speed of P-waves. While
 such a wave crosses a body of length L, a perturbation grows by the factor exp(√μ · 2√dim · L/h). A margin so small that
 this factor stays below e is harmless in a short motion, but not in a state of rest.
@@ -41,6 +45,7 @@ ALTERNATES = 0.3
 COLLAPSING, NEAR_CRITICAL, THIN = 0.2, 1.2, 0.02
 ALTERNATING, VARYING = (0.01, 0.1), 0.1
 FORCES = 1e-6, 1e-2
+LOCAL = 1.99  # the score of a state that is untrusted at a few points only
 
 
 class Forces(NamedTuple):
@@ -67,11 +72,21 @@ class Evidence(NamedTuple):
 
 
 class PointCheck(NamedTuple):
-    """`score` gives the scores (points,) or None if nothing was measured. `words` tells the value at a point."""
+    """`score` gives the scores (points,) or None if nothing was measured. `words` tells the value at a point.
+
+    `regional` tells whether a state is untrusted only if a whole region has a score of 2.
+    """
 
     name: str
     score: Callable[[Evidence], np.ndarray | None]
     words: Callable[[Evidence, int], str]
+    regional: bool = False
+
+    def of_state(self, score: np.ndarray, family: int) -> float:
+        """The score of the state from those of its points, for families of `family` bonds."""
+        worst = float(score.max())
+        room = max(1, min(family, len(score) // 4))
+        return min(worst, LOCAL) if self.regional and np.partition(score, -room)[-room] < 2 else worst
 
 
 class BodyCheck(NamedTuple):
@@ -175,9 +190,9 @@ def _zero_words(e: Evidence, i: int) -> str:
 
 POINT_CHECKS = (
     PointCheck("collapse", _collapse, lambda e, i: f"det F of its family is {e.points.det[i]:.3g}"),
-    PointCheck("instability", _instability, _lattice_words),
+    PointCheck("instability", _instability, _lattice_words, regional=True),
     PointCheck("critical load", _critical, _critical_words),
-    PointCheck("zero-energy mode", _zero_energy, _zero_words),
+    PointCheck("zero-energy mode", _zero_energy, _zero_words, regional=True),
     PointCheck(
         "shape tensor",
         _shape,

@@ -61,7 +61,7 @@ class TrustObserver(eqx.Module):
         state = self.audit(scene, now)
         margin = np.nan if state.margin is None else np.nanmax(state.margin)
         return {
-            "score": np.asarray(state.score.max()),
+            "score": np.asarray(max((found.score for found in state.findings), default=float(state.score.max()))),
             "point": np.asarray(int(np.argmax(state.score))),
             "zero_energy": np.asarray(state.zero_energy.max()),
             "margin": np.asarray(margin),

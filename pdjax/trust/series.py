@@ -27,7 +27,7 @@ class AuditSeries:
     checks : tuple of str
         Names of the checks of points.
     scores : array, shape (states, checks)
-        Largest score of every check and state: 1 is doubtful, 2 is untrusted.
+        Score of every check and state: from 1 on doubtful, from 2 on untrusted.
     first : int or None
         Number of the first state that is untrusted.
     doubtful : int or None
@@ -191,7 +191,12 @@ def audit_states(
         lattice = auditor.lattice(points, path=False) if margins else None
         evidence = auditor.evidence(points, lattice)
         scores = [check.score(evidence) for check in POINT_CHECKS]
-        rows.append([0.0 if score is None else float(score.max()) for score in scores])
+        rows.append(
+            [
+                0.0 if s is None else check.of_state(s, auditor.bonds)
+                for check, s in zip(POINT_CHECKS, scores, strict=True)
+            ]
+        )
         worst = max(rows[-1])
         doubtful = number if doubtful is None and worst >= 1 else doubtful
         is_first, is_last = first is None and worst >= 2, number == count - 1
