@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from .columns import combined
 from .contents import Contents
+from .formats.columns import combined
 
 ROUNDING = 1e-12  # a component of a vector counts as zero below this fraction of the largest one
 

@@ -19,7 +19,7 @@ from .bodies import body_from
 from .contents import Contents, States
 from .point_data import PointData, state_number
 
-# Module of the reader of each suffix.
+# Module of `pdjax.files.formats` that reads each suffix.
 READERS = {
     ".txt": "text",
     ".csv": "text",
@@ -48,7 +48,7 @@ def reader(path: Path) -> ModuleType:
     if name is None:
         known = ", ".join(sorted(READERS))
         raise ValueError(f"{path.name} has a suffix that no reader knows; expected one of {known}; got {path.suffix!r}")
-    return importlib.import_module(f".{name}", __package__)
+    return importlib.import_module(f".formats.{name}", __package__)
 
 
 def opened(path: Path) -> States:
@@ -156,7 +156,7 @@ def read_points(
     then the body is a lattice, for which forces are fastest. `data.notes` says so.
 
     Text: a line for each point, with the columns x volume, x y volume, x y z volume, or x y z block volume. Other
-    columns need names, in a first line such as "# x y z volume temperature". See `pdjax.files.text` and the other
+    columns need names, in a first line such as "# x y z volume temperature". See `pdjax.files.formats.text` and the other
     modules of `pdjax.files` for the formats.
 
     Examples

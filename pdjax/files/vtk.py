@@ -24,8 +24,8 @@ from ..finite_body.statics.arc_length import EquilibriumPath
 from ..finite_body.statics.result import Equilibrium
 from ..geometry.bonds import Families
 from ..geometry.points import Points
-from .meshes import SET
-from .vtu_write import write as write_vtu
+from .formats.meshes import SET
+from .formats.vtu_write import write as write_vtu
 
 Body = Scene | Points | Families
 Result = History | Equilibrium | EquilibriumPath

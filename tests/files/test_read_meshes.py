@@ -12,7 +12,7 @@ import pytest
 from mesh_samples import FOLDER, OF_MESHES, SAMPLES, box_mesh, exodus, plate_mesh, spheres
 
 import pdjax as pd
-from pdjax.files.cells import measured
+from pdjax.files.formats.cells import measured
 from pdjax.files.read import opened
 
 NETCDF = pytest.mark.skipif(importlib.util.find_spec("netCDF4") is None, reason="needs netCDF4")

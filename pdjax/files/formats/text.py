@@ -14,8 +14,8 @@ from pathlib import Path
 
 import numpy as np
 
+from ..contents import Contents, States
 from .columns import BLOCK, COORDINATES, VOLUME, body_of, plain
-from .contents import Contents, States
 from .table import Place, delimiter_of, header_line, is_number, line_of, read_table, words
 
 UNNAMED = {

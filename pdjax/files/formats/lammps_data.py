@@ -17,8 +17,8 @@ from pathlib import Path
 
 import numpy as np
 
+from ..contents import Contents, States
 from .columns import MOST_BLOCKS, are_whole, parts
-from .contents import Contents, States
 from .table import Place, header_line, line_of, read_table
 
 STYLES = {

@@ -13,8 +13,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .contents import Contents, States
-from .faults import fault, places, readable
+from ..contents import Contents, States
+from ..faults import fault, places, readable
 from .meshes import Mesh, check_sets, contents
 
 WHAT = "Abaqus input file"

@@ -15,9 +15,9 @@ import json
 import math
 from pathlib import Path, PurePosixPath, PureWindowsPath
 
+from ..contents import Contents, States
+from ..faults import fault, readable
 from . import legacy_vtk, vtu
-from .contents import Contents, States
-from .faults import fault, readable
 from .meshes import Mesh, contents
 from .xml import parsed
 

@@ -12,9 +12,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..contents import Contents, States
+from ..faults import fault, places, readable
 from .cells import SECOND_ORDER, SHAPES, keys
-from .contents import Contents, States
-from .faults import fault, places, readable
 from .gmsh_numbers import Binary, Stream, Text
 from .meshes import Mesh, check_sets, contents
 

@@ -9,7 +9,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from .contents import Contents
+from ..contents import Contents
 
 COORDINATES = {
     "x": ("x", "coord_x", "points:0", "points_0", "x_coordinate"),

@@ -20,9 +20,9 @@ from pathlib import Path
 
 import numpy as np
 
+from ..contents import Contents
+from ..faults import fault
 from .cells import SECOND_ORDER, SHAPES, cells_at, facets, measured, outer
-from .contents import Contents
-from .faults import fault
 
 # A cell is degenerate if its volume is smaller than this part of the volume that its longest diagonal allows.
 DEGENERATE = 1e-13

@@ -10,8 +10,8 @@ from urllib.parse import unquote
 
 import numpy as np
 
-from .contents import Contents, States
-from .faults import fault, readable
+from ..contents import Contents, States
+from ..faults import fault, readable
 from .meshes import Mesh, contents
 from .vtu import blocks_of
 

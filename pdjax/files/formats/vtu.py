@@ -17,8 +17,8 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 
-from .contents import States
-from .faults import fault, readable
+from ..contents import States
+from ..faults import fault, readable
 from .meshes import Mesh, contents
 from .xml import parsed
 

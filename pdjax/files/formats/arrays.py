@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .contents import Contents, States
+from ..contents import Contents, States
 
 POSITIONS = ("positions", "points", "coordinates")
 VOLUMES = ("volumes", "volume")

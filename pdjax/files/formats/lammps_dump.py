@@ -24,8 +24,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..contents import Contents, States
 from .columns import ID, MOST_BLOCKS, VOLUME, are_whole, combined, parts, plain
-from .contents import Contents, States
 from .table import Place, header_line, is_number, line_of, read_table
 
 START = b"ITEM: TIMESTEP"

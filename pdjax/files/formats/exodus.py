@@ -21,9 +21,9 @@ from typing import Any
 import numpy as np
 from scipy.io import netcdf_file
 
+from ..contents import Contents, States
+from ..faults import fault, readable
 from .cells import SHAPES
-from .contents import Contents, States
-from .faults import fault, readable
 from .meshes import Mesh, check_sets, contents
 
 WHAT = "Exodus II file"
