@@ -41,6 +41,11 @@ def add(jobs: Jobs, formatter: Formatter) -> None:
         help="influence function of the bonds (default constant)",
     )
     job.add_argument("--partial-volumes", action="store_true", help="count the part of a volume within the horizon")
+    job.add_argument(
+        "--surface-correction",
+        choices=("energy", "volume"),
+        help="bond weights that correct surfaces (bond-based, LPS)",
+    )
     job.add_argument("--displacement", help="field of displacements [length] (default: the one there is)")
     job.add_argument("--force", help="field of internal forces [force], compared with those of the model")
     job.add_argument("--force-density", help="field of internal force densities [force/length^dim], compared")
@@ -87,6 +92,8 @@ def run(arguments: argparse.Namespace) -> Job:
     families = pd.families(body, arguments.horizon, influence)
     law = pd.LinearElastic(lam=arguments.lam, mu=arguments.mu)  # type: ignore[call-arg]
     model = maker(law, own_lattice_family(families)[0])
+    if arguments.surface_correction is not None:
+        families = families.with_weight(pd.surface_correction(model, families, arguments.surface_correction))
     held = _held(data, arguments.held)
     if not arguments.json:
         for note in data.notes:

@@ -156,8 +156,8 @@ def read_points(
     then the body is a lattice, for which forces are fastest. `data.notes` says so.
 
     Text: a line for each point, with the columns x volume, x y volume, x y z volume, or x y z block volume. Other
-    columns need names, in a first line such as "# x y z volume temperature". See `pdjax.files.formats.text` and the other
-    modules of `pdjax.files` for the formats.
+    columns need names, in a first line such as "# x y z volume temperature". The modules of `pdjax.files.formats`
+    describe the formats.
 
     Examples
     --------

@@ -68,7 +68,8 @@ class Material(NamedTuple):
 
 def own_lattice_family(families: Families) -> tuple[LatticeFamily, str]:
     """The family of an interior point of the body's lattice, and what was assumed, in words ("" for a lattice)."""
-    dim, horizon = families.dim, float(np.max(np.asarray(families.horizon)))
+    dim, horizons = families.dim, np.asarray(families.horizon, float)
+    horizon = float(np.median(horizons))
     volumes = np.asarray(families.volumes, float)
     h = families.spacing or float(np.median(volumes)) ** (1 / dim)
     words = ""
@@ -78,6 +79,11 @@ def own_lattice_family(families: Families) -> tuple[LatticeFamily, str]:
             f"the points are no lattice: margins are those of the lattice of spacing {h:.4g} (median V^(1/{dim})) with"
             f" horizon/spacing {horizon / h:.3g}, an approximation; the volumes differ by a factor of {spread:.3g}"
         )
+    if horizons.max() > horizons.min():
+        more = (
+            f"horizons from {horizons.min():.4g} to {horizons.max():.4g}: margins are those of the median {horizon:.4g}"
+        )
+        words = f"{words}; {more}" if words else more
     r, omega = _influence(families)
     family = lattice_family(dim, horizon / h, h, lambda x, _: np.interp(np.asarray(x), r, omega))
     return family, words
