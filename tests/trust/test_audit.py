@@ -136,7 +136,7 @@ def test_buckling_without_supports_is_doubtful_and_with_them_untrusted():
     supported = pd.audit(LEVEL, families, u, held=held, margins=False)
     assert supported.positive > 0 and supported.verdict == "untrusted"
     assert "is smooth" in next(found.words for found in supported.findings if found.check == "saddle")
-    assert free.positive == 0 or (free.verdict == "doubtful" and "pass held=" in free.summary)
+    assert free.positive > 0 and free.verdict == "doubtful" and "pass held=" in free.summary
 
 
 def test_the_edge_of_a_rigid_clamp_is_no_zero_energy_mode():
@@ -197,6 +197,6 @@ def test_float32_has_the_verdict_of_float64():
     narrow = jax.tree.map(lambda x: x.astype(np.float32) if x.dtype == np.float64 else x, FAMILIES)
     assert narrow.xi.dtype == np.float32
     for u in (SMOOTH, SMOOTH + 0.02 * board()):
-        one = pd.audit(PLAIN, FAMILIES, u, body=False)
-        other = pd.audit(PLAIN, narrow, jnp.asarray(u, jnp.float32), body=False)
+        one = pd.audit(PLAIN, FAMILIES, u, **QUICK)
+        other = pd.audit(PLAIN, narrow, jnp.asarray(u, jnp.float32), **QUICK)
         assert one.verdict == other.verdict and worst(one.zero_energy, other.zero_energy) < 1e-3
