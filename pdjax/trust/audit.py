@@ -426,7 +426,7 @@ def audit(
         Homogeneous deformation gradient [-] under the displacement, x = F X + u. Default: the identity.
     held : array of bool, shape (points,) or (points, dim), optional
         Supported points or components, such as `~scene.free`. The default supports nothing, and rigid motions do not
-        count as instabilities.
+        count as instabilities. Pass it if there are clamps: the strain jumps at their edges.
     force : array, shape (points, dim), optional
         Internal forces V f [force] that another code has computed for this state. They are compared with pdjax's.
     given_density : array, shape (points, dim), optional

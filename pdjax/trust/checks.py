@@ -9,7 +9,7 @@ a line to `POINT_CHECKS` or `BODY_CHECKS`.
     instability       margin > 0, but growth below e              growth by e or more while a wave crosses the body
     critical load     critical factor below 1.2                   –
     zero-energy mode  share above 0.01 if neighbours alternate    share above 0.1 if neighbours alternate
-                      (alternation > 0.3), above 0.1 if not
+                      (alternation > 0.3), above 0.5 if not
     shape tensor      ratio of its eigenvalues below 0.02         –
     saddle            positive eigenvalue with a smooth mode      with supports, or a mode that alternates
     forces            forces differ from the file's by 1e-6       by 1e-2
@@ -23,7 +23,8 @@ such a wave crosses a body of length L, a perturbation grows by the factor exp(�
 this factor stays below e is harmless in a short motion, but not in a state of rest.
 
 **Amplitudes.** A share is quadratic in the amplitude. On a lattice with N = 3, neighbours that alternate with ±20 % of
-the strain have a share of about 0.01, and ±60 % one of about 0.1.
+the strain have a share of about 0.01, and ±60 % one of about 0.1. Weaker modes are not reported. Strains that vary fast
+without alternating are no zero-energy mode: solved plates with a clamp or a hole have shares up to 0.49 (N = 2 and 3).
 
 **Where strains are small**, two small energies have any quotient. The check of zero-energy modes therefore divides P by
 P + W with the larger of W(U) of the point and its mean over the body.
@@ -43,7 +44,7 @@ from .point_measures import PointMeasures
 
 ALTERNATES = 0.3
 COLLAPSING, NEAR_CRITICAL, THIN = 0.2, 1.2, 0.02
-ALTERNATING, VARYING = (0.01, 0.1), 0.1
+ALTERNATING, VARYING = (0.01, 0.1), 0.5
 FORCES = 1e-6, 1e-2
 LOCAL = 1.99  # the score of a state that is untrusted at a few points only
 
