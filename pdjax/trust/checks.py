@@ -15,8 +15,7 @@ a line to `POINT_CHECKS` or `BODY_CHECKS`.
     forces            forces differ from the file's by 1e-6       by 1e-2
 
 **Regions.** A wave needs room. One point with a high score, such as a corner, makes a state doubtful. By instability or
-zero-energy modes a state is untrusted only if the score reaches 2 at as many points as a family has, or at a quarter of
-the points of a smaller body.
+zero-energy modes a state is untrusted only if the score reaches 2 at a quarter as many points as a family has.
 
 **Growth.** A wave of margin μ > 0 grows at most at the rate √μ · 2√dim/h · c, where c is the speed of P-waves. While
 such a wave crosses a body of length L, a perturbation grows by the factor exp(√μ · 2√dim · L/h). A margin so small that
@@ -86,7 +85,7 @@ class PointCheck(NamedTuple):
     def of_state(self, score: np.ndarray, family: int) -> float:
         """The score of the state from those of its points, for families of `family` bonds."""
         worst = float(score.max())
-        room = max(1, min(family, len(score) // 4))
+        room = max(1, min(family, len(score)) // 4)
         return min(worst, LOCAL) if self.regional and np.partition(score, -room)[-room] < 2 else worst
 
 
