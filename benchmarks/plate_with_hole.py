@@ -6,8 +6,8 @@ Every cell becomes a point. The stress concentration is the largest σ_xx of all
 3 for an infinite plate (Kirsch 1898), and (2 + (1 − d/W)³)/(1 − d/W) = 3.14 for a strip of this width (Heywood 1952).
 
 The stress of a point is that of its cell's centroid, half a cell beside the edge of the hole. Kirsch's stress falls
-there by 7/3 of its value over one radius, so a coarse mesh has too small a largest value. The audit of every solution is
-recorded.
+there by 7/3 of its value over one radius, so a coarse mesh has too small a largest value. The audit of every solution
+is recorded.
 """
 
 import argparse
@@ -121,8 +121,9 @@ def one(file: Path, name: str, model: pd.AbstractModel) -> dict:
     return row
 
 
-def drawn(rows: list[dict]) -> Figure:
+def draw(numbers: dict) -> Figure:
     """Stress concentration over the number of points, and the time beside it."""
+    rows = numbers["rows"]
     figure = Figure(figsize=(8.4, 3.8), layout="constrained")
     left, right = figure.subplots(1, 2)
     for k, name in enumerate(dict.fromkeys(row["model"] for row in rows)):
@@ -130,9 +131,9 @@ def drawn(rows: list[dict]) -> Figure:
         n = [row["points"] for row in mine]
         left.semilogx(n, [row["stress concentration"] for row in mine], "o-", color=SERIES[k], label=name)
         right.loglog(n, [row["seconds to solve"] for row in mine], "o-", color=SERIES[k])
-    for value, words in ((KIRSCH, "infinite plate (Kirsch)"), (HEYWOOD, "this width (Heywood)")):
+    for value, words, side in ((KIRSCH, "infinite plate (Kirsch)", "top"), (HEYWOOD, "this width (Heywood)", "bottom")):
         left.axhline(value, color="#888888", linewidth=0.8, linestyle="--")
-        left.text(0.02, value, words, transform=left.get_yaxis_transform(), va="bottom", fontsize=8, color="#555555")
+        left.text(0.98, value, words, transform=left.get_yaxis_transform(), va=side, ha="right", fontsize=8)
     left.set(xlabel="points", ylabel="largest σ_xx / σ")
     right.set(xlabel="points", ylabel="time to solve  [s]")
     figure.legend(loc="outside lower center", ncols=4, fontsize=9, frameon=False)
@@ -150,4 +151,5 @@ if __name__ == "__main__":
         if not file.exists():
             mesh(file, across)
         rows += [one(file, name, model) for name, model in models().items()]
-        write("plate_with_hole", {"kirsch": KIRSCH, "heywood": HEYWOOD, "rows": rows}, drawn(rows))
+        numbers = {"kirsch": KIRSCH, "heywood": HEYWOOD, "rows": rows}
+        write("plate_with_hole", numbers, draw(numbers))

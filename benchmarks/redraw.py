@@ -30,6 +30,7 @@ PROGRAMS = (
     "inverse",
     "models_on_scenes",
     "peers",
+    "plate_with_hole",
     "proofs",
     "singular_bar",
     "stabilisers",

@@ -185,7 +185,7 @@ def _critical_words(e: Evidence, i: int) -> str:
 def _zero_words(e: Evidence, i: int) -> str:
     share, turn = _shares(e)[i], e.points.alternation[i]
     kind = "neighbours alternate" if turn > ALTERNATES else "neighbours do not alternate, the strain varies too fast"
-    return f"{100 * share:.0f} % of the energy belong to zero-energy modes; {kind} (alternation {turn:.2f})"
+    return f"{100 * share:.0f} % of the energy belongs to zero-energy modes; {kind} (alternation {turn:.2f})"
 
 
 POINT_CHECKS = (

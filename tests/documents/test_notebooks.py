@@ -2,6 +2,7 @@
 
 import json
 import re
+import shutil
 import sys
 from pathlib import Path
 
@@ -33,6 +34,8 @@ def here(tmp_path, monkeypatch):
     monkeypatch.setenv("JUPYTER_RUNTIME_DIR", str(tmp_path / "runtime"))
     monkeypatch.setenv("IPYTHONDIR", str(tmp_path / "ipython"))
     (tmp_path / "work").mkdir()
+    for mesh in FOLDER.glob("*.msh"):
+        shutil.copy(mesh, tmp_path / "work")
     return tmp_path / "work"
 
 
