@@ -8,8 +8,7 @@ import numpy as np
 
 from .._internal.checks import writable
 from .._internal.pictures import write_picture
-from ..geometry.influence import INFLUENCES
-from .common import Formatter, Job, Jobs
+from .common import Formatter, Job, Jobs, add_influence
 from .points import MOST_DRAWN, add_reading, read
 
 if TYPE_CHECKING:
@@ -34,12 +33,7 @@ def add(jobs: Jobs, formatter: Formatter) -> None:
     job.add_argument("--model", required=True, help='model of the results, a name of the atlas such as "LPS"')
     job.add_argument("--lam", type=float, default=1.0, help="first Lamé constant of the law (default 1)")
     job.add_argument("--mu", type=float, default=1.0, help="shear modulus of the law (default 1)")
-    job.add_argument(
-        "--influence",
-        default="constant",
-        choices=[name.replace(" ", "_") for name in INFLUENCES],
-        help="influence function of the bonds (default constant)",
-    )
+    add_influence(job)
     job.add_argument("--partial-volumes", action="store_true", help="count the part of a volume within the horizon")
     job.add_argument(
         "--surface-correction",

@@ -39,12 +39,7 @@ def lattice_arguments() -> Parser:
     common.add_argument("--N", type=float, default=3.0, help="horizon over lattice spacing [-] (default 3)")
     common.add_argument("--lam", type=float, default=1.0, help="first Lamé constant of the linear law (default 1)")
     common.add_argument("--mu", type=float, default=1.0, help="shear modulus of the linear law (default 1)")
-    common.add_argument(
-        "--influence",
-        default="constant",
-        choices=[name.replace(" ", "_") for name in INFLUENCES],
-        help="influence function of the bonds; linear is 1 - r/horizon (default constant)",
-    )
+    add_influence(common)
     common.add_argument(
         "--path",
         default="hydrostatic",
@@ -54,6 +49,16 @@ def lattice_arguments() -> Parser:
     common.add_argument("--resolution", type=int, help="intervals of the search grid from 0 to π/spacing (default 8 N)")
     common.add_argument("--json", action="store_true", help="print the results as one JSON object")
     return common
+
+
+def add_influence(job: argparse.ArgumentParser) -> None:
+    """Add the argument that names an influence function."""
+    job.add_argument(
+        "--influence",
+        default="constant",
+        choices=[name.replace(" ", "_") for name in INFLUENCES],
+        help="influence function of the bonds; linear is 1 - r/horizon (default constant)",
+    )
 
 
 def setting(arguments: argparse.Namespace) -> tuple[Law, Callable, Callable]:

@@ -235,7 +235,7 @@ def field(points: Points, values, u=None, title: str = "", label: str = "", comp
     tiles, shown = outlines(points, place, kept, across), shown[kept]
     missing = bool((~np.isfinite(shown)).any())
     _, (width, height) = on_page(np.ptp(tiles.reshape(-1, 2), axis=0))
-    below = width > WIDE * height
+    below = bool(width > WIDE * height)
     width += 1.0 if below else 2.0  # room for the colour bar, the labels and the legend
     height += (2.2 if below else 1.2) + 0.3 * missing
     figure = Figure(figsize=(max(width, 3.8), max(height, 2.6)), layout="constrained")

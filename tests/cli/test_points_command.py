@@ -1,7 +1,6 @@
 """`pdjax points` reads a file, reports on its points, and writes a picture and the fields."""
 
 import json
-import sys
 
 import numpy as np
 import pytest
@@ -45,14 +44,6 @@ def test_the_command_writes_a_picture_and_the_fields(plates, capsys):
     fields = meshio.read(f"{out}.vtu").point_data
     assert fields["piece"].tolist() == [0] * 30 + [1] * 9 + [2] and fields["alone"].sum() == 1
     assert out.with_suffix(".png").stat().st_size > 10_000
-
-
-def test_without_meshio_the_fields_are_a_numpy_archive(plates, monkeypatch):
-    monkeypatch.setitem(sys.modules, "meshio", None)
-    out = plates.parent / "found"
-    assert main(["points", str(plates), "--horizon", "2.1", "--volume", "1", "--out", str(out)]) == 0
-    with np.load(f"{out}.npz") as arrays:
-        assert arrays["neighbours"].shape == (40,) and arrays["positions"].shape == (40, 2)
 
 
 @pytest.mark.parametrize(
