@@ -15,9 +15,10 @@ critical loads, the equilibria and motions of whole bodies, and the derivatives 
     pdjax.infinite_lattice   stability and waves of an infinite lattice, from one family
         stability, certify, certify_path, critical_load, stability_map, model_atlas, symbol, center_block, dispersion
         cell_stability, hydrostatic, uniaxial_strain, uniaxial_stress, simple_shear
-    pdjax.finite_body        supports and loads, stability, statics and dynamics of a body
+    pdjax.finite_body        supports and loads, stability, statics, dynamics and fracture of a body
         prescribe, body_force, total_force, homogeneous_traction, scene, solve, equilibrium_path
         body_stability, body_spectrum, body_critical_load, motion, simulate, critical_time_step, observers
+        CriticalStretch, CriticalBondEnergy, BreakingRule, released_energy
     pdjax.scenes             problems that are ready to solve, some with a closed form
     pdjax.optimise           design by gradient, and parameters from measured data
         worst_margin, load_cases, dispersion_error, lattice_time_step, design, pareto_front
@@ -61,6 +62,10 @@ from .finite_body.conditions import (
 )
 from .finite_body.critical_load import BodyCritical as BodyCritical
 from .finite_body.critical_load import body_critical_load as body_critical_load
+from .finite_body.damage import BreakingRule as BreakingRule
+from .finite_body.damage import CriticalBondEnergy as CriticalBondEnergy
+from .finite_body.damage import CriticalStretch as CriticalStretch
+from .finite_body.damage import released_energy as released_energy
 from .finite_body.dynamics import (
     Energies as Energies,
 )

@@ -1,4 +1,4 @@
-"""Finite bodies: conditions, scenes, spectra, critical loads, statics, dynamics and observers.
+"""Finite bodies: conditions, scenes, spectra, critical loads, statics, dynamics, damage and observers.
 
 The modules, in the order in which to read them:
 
@@ -8,6 +8,7 @@ The modules, in the order in which to read them:
     spectrum         eigenvalues and modes of a body, and the verdict on its stability
     critical_load    the first load at which a body becomes unstable
     dynamics         motions of a body, time steps, growth rates
+    damage           bonds that break: criteria, fracture energy, released energy
     observers        time series recorded during a motion: probes, reactions, section forces
     inertia          a proof of the number of positive eigenvalues of a matrix
     factorisation    the reduced system of a scene, its sparse factors, the count of its positive eigenvalues

@@ -68,9 +68,9 @@ def weighted_volume(families: Families) -> Float[Array, " points"]:
 @eqx.filter_jit
 def _dilatation(families: Families, u: Array, F: Array | None) -> Array:
     bonds, empty = regular(families.bonds(u, F))
-    w = bonds.omega * bonds.volume * jnp.sum(bonds.xi**2, axis=-1)
-    strain = stretch_minus_one(bonds.xi, bonds.eta)
-    return none_if_empty(families.dim * jnp.sum(w * strain, axis=1) / jnp.sum(w, axis=1), empty)
+    square = bonds.volume * jnp.sum(bonds.xi**2, axis=-1)
+    total = jnp.sum(bonds.omega * square * stretch_minus_one(bonds.xi, bonds.eta), axis=1)
+    return none_if_empty(families.dim * total / jnp.sum(bonds.reference * square, axis=1), empty)
 
 
 @public_function
@@ -78,6 +78,9 @@ def dilatation(families: Families, u, F=None) -> Float[Array, " points"]:
     """Compute the dilatation of every point, as the `LPS` model defines it.
 
     θ_i = (d/m_i) Σ_j ω_ij V_j |ξ| (|ξ + η| − |ξ|)
+
+    m_i is the weighted volume of the intact family, and the sum is over the bonds that have not broken
+    (`Families.with_broken`).
 
     Parameters
     ----------

@@ -48,7 +48,7 @@ def _at_rest(families: LatticeFamily | Families) -> tuple[np.ndarray, Bonds]:
     """The points whose families are checked, and the bonds of these families as NumPy arrays (families, bonds, …)."""
     if isinstance(families, LatticeFamily):
         bonds = families.bonds(on_device(np.eye(families.dim, dtype=families.xi.dtype)))
-        return np.zeros(1, int), Bonds(*(np.asarray(x)[None] for x in bonds))
+        return np.zeros(1, int), jax.tree.map(lambda x: np.asarray(x)[None], bonds)
     if families.xi is None:
         return _kinds(families)
     xi, volumes = np.asarray(families.xi), np.asarray(families.volumes)
@@ -64,7 +64,7 @@ def _by_program(model: AbstractModel, bonds: Bonds) -> Array | None:
 
 def _by_numpy(of: Callable[[Bonds], np.ndarray], bonds: Bonds) -> np.ndarray:
     cuts = range(0, len(bonds.xi), CHUNK)
-    return np.concatenate([of(Bonds(*(x[at : at + CHUNK] for x in bonds))) for at in cuts])
+    return np.concatenate([of(jax.tree.map(lambda x, at=at: x[at : at + CHUNK], bonds)) for at in cuts])
 
 
 def _refuse(model: AbstractModel, families: LatticeFamily | Families) -> None:

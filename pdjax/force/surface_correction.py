@@ -66,7 +66,7 @@ def _directions(dim: int) -> np.ndarray:
     return vertices / np.sqrt(1 + golden**2)
 
 
-def _full_family(families: Families) -> tuple[np.ndarray, np.ndarray]:
+def full_family(families: Families) -> tuple[np.ndarray, np.ndarray]:
     """w = ω V (1, bonds) and ξ (1, bonds, dim) of a full family: the lattice's own one, or a ball for a cloud."""
     dim, horizon = families.dim, float(families.horizon)
     if families.spacing is not None:
@@ -86,14 +86,14 @@ def _full_family(families: Families) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _by_volume(families: Families, w: np.ndarray) -> np.ndarray:
-    V, full = w.sum(axis=1), float(_full_family(families)[0].sum())
+    V, full = w.sum(axis=1), float(full_family(families)[0].sum())
     total = V[:, None] + V[np.asarray(families.neighbours)]
     return np.divide(2 * full, total, out=np.ones_like(w), where=total > 0)
 
 
 def _by_energy(model: AbstractModel, families: Families, w: np.ndarray, passes: int) -> np.ndarray:
     neighbours, xi = np.asarray(families.neighbours), np.asarray(families.xi)
-    full = model.extension_energies(lambda *powers: _axis_sums(*_full_family(families), *powers))
+    full = model.extension_energies(lambda *powers: _axis_sums(*full_family(families), *powers))
     beta = np.ones_like(w)
     for _ in range(passes):
         now = w * beta

@@ -14,6 +14,11 @@ The **weight** β ≥ 0 of a bond describes partial volumes and damage. It multi
 account. With T = (1/V_j) ∂W/∂Y_j the force density is the exact gradient of the energy for any weights, even if the
 two directions of a bond have different weights.
 
+A bond **breaks** when its weight becomes 0 during a run (`Families.with_broken`). The families then remember their
+weights before the first break, β₀. Models that keep their reference sums (`keeps_reference`, such as LPS) divide by
+the sums of the intact family, ω₀ = influence times β₀. All other models see the remaining family alone. A bond that `cut` or
+`with_weight` removes is absent from the intact family too.
+
 The **family** of a point holds all points with |ξ| ≤ δ(1 + 1e-9). The slack of 1e-9 keeps rounding errors from
 deciding which bonds of length δ belong to the family. On a lattice the bonds are in centro-symmetric order: bond b and
 bond b + bonds/2 are opposite.
@@ -55,6 +60,8 @@ class Bonds(NamedTuple):
         Volumes of the neighbours [length^dim].
     horizon : array, shape (...)
         Horizon δ of each family [length].
+    intact : array, shape (..., bonds), or None
+        Influence times weight before bonds broke [-]. None: no bond has broken, and it equals `omega`.
 
     Examples
     --------
@@ -70,9 +77,15 @@ class Bonds(NamedTuple):
     omega: Float[Array, "*points bonds"]
     volume: Float[Array, "*points bonds"]
     horizon: Float[Array, "*points"]
+    intact: Float[Array, "*points bonds"] | None = None
+
+    @property
+    def reference(self) -> Float[Array, "*points bonds"]:
+        """ω of the intact family [-], for reference sums that do not change when bonds break."""
+        return self.omega if self.intact is None else self.intact
 
 
-EACH_BOND = Bonds(0, 0, 0, 0, None)  # type: ignore[arg-type]  # vmap over the bonds of a family: they share δ
+EACH_BOND = Bonds(0, 0, 0, 0, None, 0)  # type: ignore[arg-type]  # vmap over the bonds of a family: they share δ
 
 
 def checked_influence(influence: Callable | str, r: np.ndarray | Array, horizon) -> np.ndarray | Array:
@@ -360,6 +373,8 @@ class Families(eqx.Module):
         Stencil of a lattice. It is None for clouds and after `with_weight`.
     positions : array, shape (points, dim)
         Reference positions of the points [length].
+    intact : array, shape (points, bonds), or None
+        Bond weights before bonds broke [-], see `with_broken`. None: no bond has broken.
 
     Examples
     --------
@@ -382,6 +397,7 @@ class Families(eqx.Module):
     shape: tuple[int, ...] | None = eqx.field(static=True, default=None)
     grid: Grid | None = None
     positions: Float[Array | np.ndarray, "points dim"] | None = None
+    intact: Float[Array, "points bonds"] | None = None
 
     def __repr__(self) -> str:
         stencil_only = self.xi is None and self.grid is not None
@@ -450,7 +466,8 @@ class Families(eqx.Module):
             eta = eta + families.xi @ (F - xp.eye(families.dim, dtype=families.xi.dtype)).T
         horizon = xp.broadcast_to(families.horizon, (len(families),))
         omega, volume = families.influence * families.weight, families.volumes[families.neighbours]
-        return Bonds(self.xi, *on_device((eta, omega, volume, horizon)))
+        intact = None if families.intact is None else families.influence * families.intact
+        return Bonds(self.xi, *on_device((eta, omega, volume, horizon, intact)))
 
     def need_arrays(self) -> None:
         """Raise ValueError if the families were made with `arrays=False`."""
@@ -475,7 +492,8 @@ class Families(eqx.Module):
         """
         omega = bonds.omega[self.neighbours, self.reverse]
         volume = jnp.broadcast_to(self.volumes[:, None], omega.shape)
-        return Bonds(-bonds.xi, -bonds.eta, omega, volume, bonds.horizon)
+        intact = None if bonds.intact is None else bonds.intact[self.neighbours, self.reverse]
+        return Bonds(-bonds.xi, -bonds.eta, omega, volume, bonds.horizon, intact)
 
     def with_weight(self, weight: ArrayLike) -> "Families":
         """Copy of the families whose bond weights are multiplied by `weight`.
@@ -488,7 +506,8 @@ class Families(eqx.Module):
         Returns
         -------
         Families
-            Families with the new weights. Their `grid` is None, so forces use the padded arrays.
+            Families with the new weights. Their `grid` is None, so forces use the padded arrays. The weights of the
+            intact family, if bonds have broken, are multiplied too.
 
         Raises
         ------
@@ -505,6 +524,65 @@ class Families(eqx.Module):
         """
         self.need_arrays()
         factor = _weight(weight, self.weight.shape)
-        product = (on_host(self.weight) if in_host_memory(self.weight, factor) else self.weight) * factor
-        lost = eqx.tree_at(lambda f: f.grid, self, None, is_leaf=lambda x: x is None)
-        return eqx.tree_at(lambda f: f.weight, lost, on_device(product))
+        known = in_host_memory(self.weight, self.intact, factor)
+        weight, intact = on_host((self.weight, self.intact)) if known else (self.weight, self.intact)
+        return self._weighted(weight * factor, None if intact is None else intact * factor)
+
+    def _weighted(self, weight: np.ndarray | Array, intact: np.ndarray | Array | None) -> "Families":
+        """Copy of the families with these weights and without `grid`."""
+        return eqx.tree_at(
+            lambda f: (f.grid, f.weight, f.intact), self, on_device((None, weight, intact)), is_leaf=lambda x: x is None
+        )
+
+    def with_broken(self, broken: ArrayLike) -> "Families":
+        """Copy of the families in which these bonds are broken: their weight is 0, and `intact` keeps the old weights.
+
+        Parameters
+        ----------
+        broken : array of bool, shape (points, bonds)
+            True where a bond breaks. Both ends of a bond must agree. Padding has no effect.
+
+        Returns
+        -------
+        Families
+            Families with the new weights. `intact` holds the weights before the first break. Their `grid` is None, so
+            forces use the padded arrays.
+
+        Raises
+        ------
+        ValueError
+            If the shape or the dtype is wrong, the two ends of a bond disagree, or the families were made with
+            `arrays=False`. Traced values are not checked.
+
+        Notes
+        -----
+        `cut` and `with_weight` remove a bond as if it had never existed. The difference matters for models whose
+        reference sums are those of the intact family (`keeps_reference`), such as LPS: only a broken bond makes such a
+        model softer under affine maps.
+
+        Examples
+        --------
+        >>> families = pd.families(pd.lattice((2, 4)), horizon=1.0)
+        >>> cracked = pd.cut(families, pd.Segment((0.0, 2.0), (1.0, 2.0)))
+        >>> broken = families.with_broken(cracked.weight < families.weight)
+        >>> int((broken.weight == 0).sum()) - int((broken.intact == 0).sum())
+        2
+        """
+        self.need_arrays()
+        broken = broken if isinstance(broken, jax.Array) else native("broken", broken)
+        if broken.shape != self.weight.shape or broken.dtype != bool:
+            got = f"{broken.shape} of {broken.dtype}"
+            raise ValueError(f"broken must have shape (points, bonds) = {self.weight.shape} of bool; got {got}")
+        known = in_host_memory(self, broken)
+        old, broken = on_host((self, broken)) if known else (self, broken)
+        if known:
+            back = old.neighbours, old.reverse
+            apart = np.argwhere(broken & (old.weight > 0) & ~broken[back] & (old.weight[back] > 0))
+            if len(apart):
+                i, j = int(apart[0, 0]), int(old.neighbours[tuple(apart[0])])
+                raise ValueError(
+                    f"broken must hold for both ends of a bond; {len(apart)} bonds are broken at one end only, the"
+                    f" first from point {i} to point {j}. Take broken | broken[families.neighbours, families.reverse]"
+                )
+        weight = (np if known else jnp).where(broken, 0, old.weight)
+        return self._weighted(weight, old.weight if old.intact is None else old.intact)

@@ -39,6 +39,7 @@ from jaxtyping import Array, Float, PyTree
 from .._internal.checks import floats_to_arrays, inside_jit, is_concrete
 from .._internal.shown import shown
 from ..geometry.bonds import EACH_BOND, Bonds
+from ..geometry.plane_sums import PlaneSums
 from .kinematics import displacement_gradient
 
 PROMISES = (
@@ -52,6 +53,7 @@ PROMISES = (
     "even",
     "additive",
     "degree",
+    "keeps_reference",
     "dims",
 )
 
@@ -111,6 +113,9 @@ class AbstractModel(eqx.Module):
     degree : int
         The moments are polynomials in η of this degree and the bond force is one of degree 1, both proportional to ω V.
         0 if they are not polynomials.
+    keeps_reference : bool
+        The sums over the reference configuration are those of the intact family, `bonds.reference`, after bonds have
+        broken too. Otherwise they are those of the bonds that remain.
     dims : tuple of int
         Dimensions in which the model is defined.
     shared : tuple of str
@@ -141,6 +146,7 @@ class AbstractModel(eqx.Module):
     even: ClassVar[bool] = True
     additive: ClassVar[bool] = False
     degree: ClassVar[int] = 0
+    keeps_reference: ClassVar[bool] = False
     dims: ClassVar[tuple[int, ...]] = (1, 2, 3)
     shared: ClassVar[tuple[str, ...]] = ()  # names of fields that hold an array which all points share
     one_number: ClassVar[tuple[str, ...]] = ()  # names of fields that hold one number, or one for each point
@@ -209,6 +215,14 @@ class AbstractModel(eqx.Module):
         method; models without it refuse that correction.
         """
         raise NotImplementedError(f"{type(self).__name__} defines no extension_energies(sums)")
+
+    def cut_energy(self, sums: PlaneSums, uniform: bool) -> Array:
+        """Energy per area that the bonds across a plane release when they break at the stretch s, over s².
+
+        The unit is pressure · length. `sums` belong to the plane. If `uniform`, all bonds of the body have the stretch s; otherwise the crossing bonds
+        alone. `CriticalStretch.from_fracture_energy` needs this method; models without it refuse.
+        """
+        raise NotImplementedError(f"{type(self).__name__} defines no cut_energy(sums, uniform)")
 
     @one_program
     def local_energy(self, F: Float[Array, "dim dim"]) -> Float[Array, ""]:

@@ -31,6 +31,7 @@ from jaxtyping import Array, Float
 
 from .._internal.checks import as_real, check_positive, namespace, on_host, require
 from ..geometry.bonds import Bonds, Families, LatticeFamily
+from ..geometry.plane_sums import PlaneSums
 from .base import PointStateModel, Sums
 from .control import micromodulus
 from .kinematics import log_stretch, seth_hill, stretch_minus_one
@@ -79,6 +80,7 @@ class BondBased(PointStateModel):
     moduli_exact: ClassVar[bool] = False
     rings: ClassVar[int] = 1
     additive: ClassVar[bool] = True
+    keeps_reference: ClassVar[bool] = True  # it has no reference sums
 
     def __check_init__(self):
         check_positive("c", self.c)
@@ -242,6 +244,11 @@ class BondBased(PointStateModel):
 
     def extension_energies(self, sums: Callable[[int, int], np.ndarray]) -> np.ndarray:
         return sums(1, 4)  # the stretch of a bond is n_k²
+
+    def cut_energy(self, sums: PlaneSums, uniform: bool) -> Array:
+        if self.m is not None:
+            raise NotImplementedError("BondBased with an order m has no cut_energy: its energy is not quadratic in s")
+        return 0.5 * self.c * sums.springs  # the energy of a spring does not depend on the other bonds
 
     def moments(self, bond: Bonds) -> tuple[tuple[()], tuple[()]]:
         return (), ()

@@ -16,6 +16,7 @@ from jaxtyping import Array, Float, PyTree
 from .._internal.checks import as_real, is_concrete
 from .._internal.public import public_function
 from ..geometry.bonds import Bonds
+from ..geometry.plane_sums import PlaneSums
 from .base import PROMISES, AbstractModel, PointStateModel, Sums, TwoStageModel
 
 
@@ -32,6 +33,9 @@ class _Graded(AbstractModel):
 
     def energy(self, bonds: Bonds) -> Float[Array, ""]:
         return self.factor * self.base.energy(bonds)
+
+    def cut_energy(self, sums: PlaneSums, uniform: bool) -> Array:
+        return self.factor * self.base.cut_energy(sums, uniform)
 
     @property
     def shape_tensor(self) -> Callable:

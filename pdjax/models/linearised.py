@@ -50,6 +50,10 @@ class Linearised(PointStateModel):
         return self.base.even
 
     @property
+    def keeps_reference(self) -> bool:  # type: ignore[override]
+        return self.base.keeps_reference
+
+    @property
     def dims(self) -> tuple[int, ...]:  # type: ignore[override]
         return self.base.dims
 

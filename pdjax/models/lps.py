@@ -18,6 +18,11 @@ which is the derivative of the energy Σ V_i W_i. Some public codes use the mean
 is not a derivative of this energy. For two points with moduli E and 2E and volumes 1 and 2 the two rules differ by
 11 %.
 
+m_w is the sum over the intact family, bonds that have broken included (`Families.with_broken`), so that a broken bond
+takes its energy with it. θ and W sum over the bonds that remain. If m_w were that of the remaining family, breaking
+bonds would release nothing in a state of uniform expansion. With r the ratio of the remaining m_w to the intact one, a
+damaged family is that of an LPS with the moduli r² k + r (1 − r)² (d + 2) G/d and r G.
+
 Source: Silling et al. 2007.
 """
 
@@ -31,6 +36,7 @@ from jaxtyping import Array, Float
 
 from .._internal.checks import as_real, check_positive
 from ..geometry.bonds import Bonds
+from ..geometry.plane_sums import PlaneSums
 from .base import PointStateModel, Sums
 from .kinematics import stretch_minus_one
 from .plane import bulk_and_shear, plane_bulk_modulus
@@ -75,6 +81,7 @@ class LPS(PointStateModel):
     one_number: ClassVar[tuple[str, ...]] = ("bulk", "shear")
     moduli_exact: ClassVar[bool] = False
     additive: ClassVar[bool] = True
+    keeps_reference: ClassVar[bool] = True
     dims: ClassVar[tuple[int, ...]] = (2, 3)
 
     def __check_init__(self):
@@ -130,7 +137,7 @@ class LPS(PointStateModel):
         dim = bonds.xi.shape[1]
         w, length = bonds.omega * bonds.volume, jnp.linalg.norm(bonds.xi, axis=1)
         e = length * stretch_minus_one(bonds.xi, bonds.eta)
-        m_w = jnp.sum(w * length**2)
+        m_w = jnp.sum(bonds.reference * bonds.volume * length**2)
         return e, dim * jnp.sum(w * length * e) / m_w, m_w, dim * (dim + 2) * self.shear / m_w
 
     def energy(self, bonds: Bonds) -> Float[Array, ""]:
@@ -146,10 +153,14 @@ class LPS(PointStateModel):
         deviation = np.divide(fourth, m_w, out=np.zeros(square.shape), where=m_w > 0) - mean**2
         return 0.5 * bulk * (dim * mean) ** 2 + 0.5 * dim * (dim + 2) * shear * deviation
 
+    def cut_energy(self, sums: PlaneSums, uniform: bool) -> Array:
+        springs = (sums.dim + 2) * self.shear / sums.dim  # the bulk modulus of a solid of independent springs
+        square = 2 * sums.first - sums.second if uniform else sums.second
+        return sums.dim**2 * ((self.bulk - springs) * square + springs * sums.first)
+
     def moments(self, bond: Bonds) -> tuple[Array, Array]:
-        square = jnp.dot(bond.xi, bond.xi)
-        w = bond.omega * bond.volume * square
-        return w, w * stretch_minus_one(bond.xi, bond.eta)
+        square = bond.volume * jnp.dot(bond.xi, bond.xi)
+        return bond.reference * square, bond.omega * square * stretch_minus_one(bond.xi, bond.eta)
 
     def state(self, sums: Sums) -> tuple[Array, Array]:
         dim, m_w = sums.dim, sums.reference

@@ -65,7 +65,8 @@ def regular(bonds: Bonds) -> tuple[Bonds, Bool[Array, " points"]]:
     here = empty[:, None, None]
     xi = jnp.where(here, bonds.horizon[:, None, None] * rest, bonds.xi)
     eta = jnp.where(here, 0, bonds.eta)
-    return bonds._replace(xi=xi, eta=eta, omega=jnp.where(empty[:, None], 1, bonds.omega)), empty
+    omega, intact = jax.tree.map(lambda x: jnp.where(empty[:, None], 1, x), (bonds.omega, bonds.intact))
+    return bonds._replace(xi=xi, eta=eta, omega=omega, intact=intact), empty
 
 
 def none_if_empty(values: PyTree, empty: Bool[Array, " points"]) -> PyTree:

@@ -47,7 +47,10 @@ def prepare_streamed(model: AbstractModel, families: Families, kind: type[Traver
     traversal = remember(families, ("traversal", name), lambda: kind.of(families)) if known else kind.of(families)
 
     def sums(model: AbstractModel) -> Array:
-        return _reference(model, traversal, families.horizon, points, families.dim)
+        at_rest = traversal
+        if families.intact is not None and model.keeps_reference:
+            at_rest = kind.of(eqx.tree_at(lambda f: f.weight, families, families.intact))
+        return _reference(model, at_rest, families.horizon, points, families.dim)
 
     part = None
     if known:
