@@ -16,7 +16,7 @@ from typing import NamedTuple, Protocol, runtime_checkable
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from .._internal.checks import Numbers
 from ..geometry.points import Points
@@ -39,6 +39,8 @@ class Snapshot(NamedTuple):
         Velocities [length/time].
     force : array, shape (points, dim)
         V (f + λ b) [force]: internal and body forces. On held components it is minus the reaction.
+    alive : array of bool, shape (points, bonds), or None
+        Bonds that have not broken. None if no bond can break.
 
     Examples
     --------
@@ -56,6 +58,7 @@ class Snapshot(NamedTuple):
     u: Float[Numbers, "points dim"]
     v: Float[Numbers, "points dim"]
     force: Float[Numbers, "points dim"]
+    alive: Bool[Numbers, "points bonds"] | None = None
 
 
 @runtime_checkable
@@ -365,3 +368,51 @@ def section_force(body: Points, position: float, axis: int = 0) -> SectionForce:
             f"a section at {position} leaves one side empty: the points of the body lie between {x.min()} and {x.max()}"
         )
     return SectionForce(beyond, mask=len(x))
+
+
+class Damage(eqx.Module):
+    """Observer of the damage of every point. Made by `damage`.
+
+    Examples
+    --------
+    >>> pd.observers.Damage()
+    Damage()
+    """
+
+    def __call__(self, scene: Scene, now: Snapshot) -> Float[Array, " points"]:
+        families = scene.families
+        w = families.influence * families.weight * families.volumes[families.neighbours]
+        alive = families.weight > 0 if now.alive is None else now.alive
+        total = jnp.sum(w, axis=1)
+        return 1 - jnp.sum(jnp.where(alive, w, 0), axis=1) / jnp.where(total > 0, total, 1)
+
+
+def damage() -> Damage:
+    """Observe the damage of every point: the share of its family that has broken.
+
+    φ_i = 1 − Σ_left ω V / Σ_all ω V
+
+    Returns
+    -------
+    Damage
+        An observer with values of shape (points,) [-]: 0 is intact, 1 has lost all bonds.
+
+    References
+    ----------
+    Silling & Askari 2005.
+
+    Examples
+    --------
+    A bar is pulled apart in its middle, where the only bond of a horizon of one spacing breaks:
+
+    >>> body = pd.bar(4, 4.0)
+    >>> motion = pd.motion(
+    ...     pd.scene(body, pd.families(body, 1.0), pd.BondBased(1.0), moving=True), start=[[0.0], [0.0], [0.2], [0.2]]
+    ... )
+    >>> watch = {"damage": pd.observers.damage()}
+    >>> criterion = pd.CriticalStretch(0.1)
+    >>> history = pd.simulate(motion, 0.1, dt=0.1, observers=watch, breaking=criterion, show_progress=False)
+    >>> history.observed["damage"][-1].tolist()
+    [0.0, 0.5, 0.5, 0.0]
+    """
+    return Damage()

@@ -94,10 +94,10 @@ class Criterion(eqx.Module):
         return _broken(self, model, families, u, F)
 
 
-@eqx.filter_jit
-def _broken(
+def exceeding(
     criterion: Criterion, model: AbstractModel, families: Families, u: Array, F: Array | None
 ) -> Bool[Array, "points bonds"]:
+    """`Criterion.broken` without checks, for functions that trace it."""
     back = families.neighbours, families.reverse
     hit = criterion.exceeded(model, families, families.bonds(u, F))
     here = families.weight > 0
@@ -105,3 +105,6 @@ def _broken(
     if criterion.no_fail is not None:
         hit &= ~(criterion.no_fail[:, None] | criterion.no_fail[families.neighbours])
     return hit & families.is_bond
+
+
+_broken = eqx.filter_jit(exceeding)

@@ -41,7 +41,7 @@ def fingerprint(program: str, *data: PyTree) -> str:
 
 def save(path: str | os.PathLike, name: str, state: State, records: list[Tree]) -> bool:
     """Write the state and all records so far. Gives a warning and returns False if the file cannot be written."""
-    arrays = {f"state_{k}": np.asarray(x) for k, x in state._asdict().items()}
+    arrays = {f"state_{k}": np.asarray(x) for k, x in state._asdict().items() if x is not None}
     columns = zip(*(jax.tree.leaves(r) for r in records), strict=True)
     arrays |= {f"record_{k}": np.stack([np.asarray(x) for x in column]) for k, column in enumerate(columns)}
     try:
@@ -68,18 +68,19 @@ def load(path: str | os.PathLike, name: str, like: Tree) -> tuple[State, list[Tr
     try:
         with np.load(path, allow_pickle=False) as file:
             arrays = dict(file)
-        found, version = str(arrays["fingerprint"]), str(arrays["version"])
+        mark, version = str(arrays["fingerprint"]), str(arrays["version"])
     except (OSError, ValueError, KeyError, TypeError, zipfile.BadZipFile, EOFError) as error:
         raise ValueError(f"{path} is not a checkpoint of pdjax, or is damaged: {error}") from None
     if version != VERSION:
         raise ValueError(f"checkpoint {path} was written by pdjax {version}, this is {VERSION}: start the run again")
-    if found != name:
+    if mark != name:
         raise ValueError(
             f"checkpoint {path} belongs to another run: its scene, model, density, schedule, observers, fields, dt or"
             " save_every differ from those of this run, or another version of JAX wrote it; the defaults of dt and"
             " save_every depend on the duration, so give both from the start if you want to extend a run later"
         )
-    state = State(*(jnp.asarray(arrays[f"state_{k}"]) for k in State._fields))
+    found = {k: arrays.get(f"state_{k}") for k in State._fields}
+    state = State(**{k: None if x is None else jnp.asarray(x) for k, x in found.items()})
     leaves, structure = jax.tree.flatten(like)
     columns = [arrays[f"record_{k}"] for k in range(len(leaves))]
     records = [jax.tree.unflatten(structure, [c[i] for c in columns]) for i in range(len(columns[0]))]

@@ -2,7 +2,7 @@
 
 import equinox as eqx
 import numpy as np
-from jaxtyping import Array, Float, PyTree
+from jaxtyping import Array, Bool, Float, PyTree
 
 from ..._internal.checks import Numbers, Tree, on_device
 from ..._internal.ending import Ending
@@ -98,6 +98,8 @@ class History(eqx.Module):
         Description of a run that failed.
     stopped_by : str
         Name of the observer that stopped the run and its reason; empty if none did.
+    alive : array of bool, shape (points, bonds), or None
+        Bonds that have not broken at the end. None if no bond could break.
 
     Examples
     --------
@@ -117,6 +119,7 @@ class History(eqx.Module):
     code: int | None = eqx.field(static=True, default=None)
     failure: Failure | None = None
     stopped_by: str = eqx.field(static=True, default="")
+    alive: Bool[Array | np.ndarray, "points bonds"] | None = None
 
     @property
     def finished(self) -> bool:

@@ -24,9 +24,11 @@ from jaxtyping import Array, PyTree
 from ..._internal.checks import inside_jit, is_concrete, writable
 from ..._internal.progress import progress
 from ..._internal.public import public_function
+from ..damage.criteria import Criterion
 from ..observers import HostObserver, Snapshot, check_observers
 from ..scene import Scene
 from . import checkpoint as checkpoints
+from .breaking import check_breaking
 from .history import Failure, History, RunEnding, alarmed, as_arrays, failure, stacked
 from .system import Motion, check_schedule
 from .time_step import SAFETY, critical_time_step
@@ -56,7 +58,7 @@ class Record(NamedTuple):
 
 def _record(motion: Motion, observers: Mapping[str, Observer], state: State, dt, fields: bool) -> Record:
     t = state.step * dt
-    now = Snapshot(t, motion.factor(t)[0], state.u, state.v, state.force)
+    now = Snapshot(t, motion.factor(t)[0], state.u, state.v, state.force, state.alive)
     observed = {name: watch(motion.scene, now) for name, watch in observers.items()}
     kept = (state.u, state.v) if fields else ()
     return Record(t, kept, energies(motion, state, dt), observed, borrowed(motion, state, dt), state.finite)
@@ -105,7 +107,7 @@ def _traced(motion: Motion, observers: Mapping[str, Observer], dt, saves: int, e
     _, kept, budget, observed, _, _ = jax.tree.map(alive, all_of)
     u, v = kept if fields else (jnp.where(state.finite, x, jnp.nan)[None] for x in (state.u, state.v))
     times = dt * every * jnp.arange(saves + 1)
-    return History(times, u, v, budget, observed, dt, state.step)
+    return History(times, u, v, budget, observed, dt, state.step, alive=state.alive)
 
 
 def run_length(motion: Motion, duration) -> float:
@@ -203,7 +205,7 @@ class _Host:
         """The record with the values of these observers."""
         if self.factor is None:
             return record
-        fields = (np.asarray(x) for x in (state.u, state.v, state.force))
+        fields = (None if x is None else np.asarray(x) for x in (state.u, state.v, state.force, state.alive))
         now = Snapshot(np.asarray(record.t), np.asarray(self.factor(record.t)), *fields)
         values = {
             name: {key: np.asarray(value) for key, value in watch(self.motion.scene, now).items()}
@@ -285,7 +287,8 @@ def _watch(motion: Motion, observers, dt, saves, every, fields, path, checkpoint
     last = saved if code == RunEnding.NOT_FINITE else state
     u, v = out.fields if fields else (np.asarray(last.u)[None], np.asarray(last.v)[None])
     steps = min(int(state.step), saves * every)
-    return History(out.t, u, v, as_arrays(out.energies), out.observed, dt, steps, code, told, stopped_by)
+    alive = None if last.alive is None else np.asarray(last.alive)
+    return History(out.t, u, v, as_arrays(out.energies), out.observed, dt, steps, code, told, stopped_by, alive)
 
 
 def _given(record: Record) -> float:
@@ -311,6 +314,7 @@ def simulate(
     dt=None,
     save_every: int | None = None,
     observers: Mapping[str, Observer] | None = None,
+    breaking: Criterion | None = None,
     fields: bool = True,
     checkpoint: str | os.PathLike | None = None,
     checkpoint_every: int = 1,
@@ -337,6 +341,9 @@ def simulate(
     observers : dict of str to function, optional
         Functions (scene, `Snapshot`) → array, evaluated at every save. See `pdjax.observers`. An observer that runs on
         the host, such as `trust_observer`, can stop the run.
+    breaking : Criterion, optional
+        Criterion by which bonds break during the run, such as `CriticalStretch`. The model must be `BondBased` or
+        `LPS`. A broken bond stays broken. Default: no bond breaks.
     fields : bool, optional
         Keep u and v of every save. With False only those of the last save are kept. Default True.
     checkpoint : path, optional
@@ -401,6 +408,9 @@ def simulate(
     if resume and checkpoint is None:
         raise ValueError("resume needs checkpoint, the file from which the run continues")
     observers = {} if observers is None else observers
+    if breaking is not None:
+        check_breaking(breaking, motion.scene)
+        motion = eqx.tree_at(lambda m: m.breaking, motion, breaking, is_leaf=lambda x: x is None)
     watched = is_concrete(motion, observers) and not inside_jit()
     check_observers(motion.scene, observers, on_host=watched)
     given = dt is not None

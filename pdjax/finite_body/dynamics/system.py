@@ -20,7 +20,9 @@ from jaxtyping import Array, Bool, Float
 from ..._internal.checks import Numbers, as_array, as_real, check_positive, is_concrete, namespace, on_device, on_host
 from ..._internal.public import public_function
 from ...force.fields import point_field
+from ..damage.criteria import Criterion
 from ..scene import Scene
+from .breaking import with_padded_force
 
 Schedule = Callable[[Array], ArrayLike]  # the load factor λ as a function of the time
 
@@ -153,6 +155,8 @@ class Motion(eqx.Module):
         Velocities [length/time] at t = 0.
     duration : float or None
         Default duration [time] of a run, or None.
+    breaking : Criterion or None
+        Criterion by which bonds break; `simulate` sets it.
 
     Examples
     --------
@@ -168,6 +172,7 @@ class Motion(eqx.Module):
     start: Float[Array, "points dim"]
     velocity: Float[Array, "points dim"]
     duration: float | None = eqx.field(static=True, default=None)
+    breaking: Criterion | None = None
 
     @property
     def free(self) -> Bool[Array, "points dim"]:
@@ -191,7 +196,8 @@ class Motion(eqx.Module):
         Motion
             The motion, whose scene holds the part of the force that does not depend on u.
         """
-        return eqx.tree_at(lambda m: m.scene, self, self.scene.prepared())
+        scene = self.scene.prepared() if self.breaking is None else with_padded_force(self.scene)
+        return eqx.tree_at(lambda m: m.scene, self, scene)
 
     def factor(self, t) -> tuple[Array, Array]:
         """Compute the load factor and its rate at a time.
@@ -213,7 +219,7 @@ class Motion(eqx.Module):
             return on_device(_factors(self.schedule, t))
         return _in_one_program(self.schedule, on_device(t))
 
-    def force(self, u: Float[Array, "points dim"], factor) -> Float[Array, "points dim"]:
+    def force(self, u: Float[Array, "points dim"], factor, alive=None) -> Float[Array, "points dim"]:
         """Compute the unbalanced force V (f + λ b) on every point.
 
         Parameters
@@ -222,13 +228,20 @@ class Motion(eqx.Module):
             Displacements [length].
         factor : float or array, shape ()
             Load factor λ [-].
+        alive : array of bool, shape (points, bonds), optional
+            Bonds that have not broken, for a prepared motion with `breaking`. Default: all.
 
         Returns
         -------
         array, shape (points, dim)
             V (f + λ b) [force]. On held components it is minus the reaction.
         """
-        return self.scene.unbalanced(u, factor)
+        scene = self.scene
+        if alive is not None:
+            assert scene.operator is not None
+            backend = scene.operator.backend.broken(scene.model, alive)
+            scene = eqx.tree_at(lambda s: s.operator.backend, scene, backend)
+        return scene.unbalanced(u, factor)
 
 
 def _density(density: object, points: int, dtype: DTypeLike) -> Array:

@@ -31,13 +31,15 @@ from jaxtyping import Array, Bool, Float, Int
 
 from ..._internal.checks import Numbers, namespace, on_device, on_host
 from ...force.fields import strain_energy
+from .breaking import all_alive, breaking_now, drop
 from .system import Hold, Motion
 
 
 class State(NamedTuple):
     """State of a motion: step number, u and v (points, dim), V (f + λ b) (points, dim), works [energy].
 
-    `finite` is True as long as all values have been finite.
+    `finite` is True as long as all values have been finite. `alive` (points, bonds) tells which bonds have not broken,
+    and `released` is the energy of those that have. `alive` is None if no bond can break.
     """
 
     step: Int[Array, ""]
@@ -48,6 +50,8 @@ class State(NamedTuple):
     loads: Float[Array, ""]
     dissipated: Float[Array, ""]
     finite: Bool[Array, ""]
+    released: Float[Array, ""] | float = 0.0
+    alive: Bool[Array, "points bonds"] | None = None
 
 
 class Energies(NamedTuple):
@@ -65,6 +69,8 @@ class Energies(NamedTuple):
         Work W_loads [energy] of the body forces since the start.
     dissipated : array, shape () or (saves,)
         Energy D [energy] lost by damping since the start.
+    released : array, shape () or (saves,)
+        Strain energy [energy] of bonds at the moment of their breaking, since the start.
 
     Examples
     --------
@@ -79,11 +85,12 @@ class Energies(NamedTuple):
     supports: Numbers | float
     loads: Numbers | float
     dissipated: Numbers | float
+    released: Numbers | float = 0.0
 
     @property
     def total(self):
-        """K + Π − W_supports − W_loads + D [energy]."""
-        return self.kinetic + self.strain - self.supports - self.loads + self.dissipated
+        """K + Π − W_supports − W_loads + D + released [energy]."""
+        return self.kinetic + self.strain - self.supports - self.loads + self.dissipated + self.released
 
     @property
     def imbalance(self):
@@ -93,19 +100,21 @@ class Energies(NamedTuple):
 
     @property
     def error(self):
-        """The imbalance over the largest of the five energies at any save [-]."""
+        """The imbalance over the largest of the six energies at any save [-]."""
         xp = namespace(self)
         parts, imbalance = on_host((tuple(self), self.imbalance))
-        largest = xp.max(xp.abs(xp.stack(parts)), axis=0).max(axis=-1, keepdims=True)
+        largest = xp.max(xp.abs(xp.stack(xp.broadcast_arrays(*parts))), axis=0).max(axis=-1, keepdims=True)
         return on_device(imbalance / xp.where(largest > 0, largest, 1.0))
 
 
 def initial_state(motion: Motion) -> State:
     """The state at t = 0."""
     zero = jnp.zeros((), motion.start.dtype)
-    force = motion.force(motion.start, motion.factor(zero)[0])
+    alive = None if motion.breaking is None else all_alive(motion.scene)
+    force = motion.force(motion.start, motion.factor(zero)[0], alive)
     finite = jnp.isfinite(force).all()
-    return State(jnp.zeros((), jnp.int32), motion.start, motion.velocity, force, zero, zero, zero, finite)
+    number = jnp.zeros((), jnp.int32)
+    return State(number, motion.start, motion.velocity, force, zero, zero, zero, finite, zero, alive)
 
 
 def before_start(motion: Motion) -> State:
@@ -116,7 +125,9 @@ def before_start(motion: Motion) -> State:
     """
     dtype = motion.start.dtype
     zero, force = np.zeros((), dtype), np.zeros(motion.start.shape, dtype)
-    return State(np.int32(-1), motion.start, motion.velocity, force, zero, zero, zero, np.asarray(True))  # type: ignore[arg-type]
+    alive = None if motion.breaking is None else np.asarray(motion.scene.families.weight) > 0
+    state: tuple = (np.int32(-1), motion.start, motion.velocity, force, zero, zero, zero, np.asarray(True), zero, alive)
+    return State(*state)
 
 
 def _work_of_mean(motion: Motion, u: Array, factor: Array, change: Array) -> Array:
@@ -140,7 +151,13 @@ def step(motion: Motion, state: State, dt: Float[Array, ""]) -> State:
     after, rate = motion.factor((state.step + 1) * dt)
     half = (1 - c) * state.v + 0.5 * dt * state.force / mass
     u = jnp.where(free, state.u + dt * half, after * motion.scene.prescribed)
-    force = motion.force(u, after)
+    alive, released = state.alive, state.released
+    if motion.breaking is not None and alive is not None:
+        # A step of length zero, before the start, breaks nothing.
+        dying = breaking_now(motion.scene, motion.breaking, state.u, alive) & (dt > 0)
+        released = released + drop(motion.scene, 0.5 * (state.u + u), alive, dying)
+        alive = alive & ~dying
+    force = motion.force(u, after, alive)
     v = jnp.where(free, (half + 0.5 * dt * force / mass) / (1 + c), rate * motion.scene.prescribed)
     moved = u - state.u
     pushed = -0.5 * jnp.sum(jnp.where(free, 0.0, (state.force + force) * moved))
@@ -160,6 +177,8 @@ def step(motion: Motion, state: State, dt: Float[Array, ""]) -> State:
         state.loads + loaded,
         state.dissipated + lost,
         finite,
+        released,
+        alive,
     )
     return jax.tree.map(lambda old, x: jnp.where(finite, x, old), state._replace(finite=finite), new)
 
@@ -203,8 +222,9 @@ def energies(motion: Motion, state: State, dt: Float[Array, ""]) -> Energies:
     strain = jnp.full_like(kinetic, jnp.nan)
     if scene.model.hyperelastic:
         factor, _ = motion.factor(state.step * dt)
-        strain = strain_energy(scene.model, scene.families, state.u, scene.mean_deformation(factor))
-    return Energies(kinetic, strain, state.supports, state.loads, state.dissipated)
+        families = scene.families if state.alive is None else scene.families.with_broken(~state.alive)
+        strain = strain_energy(scene.model, families, state.u, scene.mean_deformation(factor))
+    return Energies(kinetic, strain, state.supports, state.loads, state.dissipated, state.released + 0 * kinetic)
 
 
 def borrowed(motion: Motion, state: State, dt: Float[Array, ""]) -> tuple[Array, Array]:

@@ -11,7 +11,7 @@ from typing import ClassVar, Protocol
 
 import equinox as eqx
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from ..._internal.checks import is_concrete
 from ..._internal.memory import remember
@@ -25,6 +25,10 @@ class Backend(eqx.Module):
     takes_mean: ClassVar[bool] = True  # whether `force` accepts a mean deformation F
     takes_complex: ClassVar[bool] = False  # whether `force` accepts complex displacements
     quick: ClassVar[bool] = False  # compiles with the options QUICK, where its program runs as fast with them
+
+    def broken(self, model: AbstractModel, alive: Bool[Array, "points bonds"]) -> "Backend":
+        """The backend of the body in which only these bonds are left. Reference sums stay those of the intact family."""
+        raise NotImplementedError(f"the backend {type(self).__name__} evaluates no broken bonds")
 
     @abstractmethod
     def force(self, model: AbstractModel, u: Float[Array, "points dim"], F: Array | None) -> Float[Array, "points dim"]:

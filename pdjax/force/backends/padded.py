@@ -8,7 +8,7 @@ moments. Other models are evaluated with all bonds at once at every size.
 import math
 from typing import ClassVar
 
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from ...geometry.bonds import Families
 from ...models.base import AbstractModel
@@ -28,6 +28,10 @@ class Whole(Backend):
     takes_complex: ClassVar[bool] = True
 
     families: Families
+
+    def broken(self, model: AbstractModel, alive: Bool[Array, "points bonds"]) -> "Whole":
+        """The backend with broken bonds; see `Backend.broken`."""
+        return Whole(self.families.with_broken(~alive))
 
     def force(self, model: AbstractModel, u: Float[Array, "points dim"], F: Array | None) -> Float[Array, "points dim"]:
         """f of every point; see `Backend.force`."""

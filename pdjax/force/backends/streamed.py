@@ -7,7 +7,7 @@ constants, and the families object keeps them. The forces themselves come from `
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from ..._internal.checks import is_concrete
 from ..._internal.dependence import known_part
@@ -17,7 +17,7 @@ from ...models.base import AbstractModel, PointStateModel
 from ...models.pointwise import split_model
 from .backend import Backend
 from .streaming import reference_moments, reference_sums, streamed_force
-from .traversal import Traversal
+from .traversal import SlotTraversal, Traversal
 
 
 class Streamed(Backend):
@@ -26,6 +26,15 @@ class Streamed(Backend):
     traversal: Traversal
     reference: Array  # (entries, flat)
     horizon: Array
+
+    def broken(self, model: AbstractModel, alive: Bool[Array, "points bonds"]) -> "Streamed":
+        """The backend with broken bonds; see `Backend.broken`."""
+        assert isinstance(self.traversal, SlotTraversal)
+        left = jnp.where(alive.T, 1, 0).astype(self.traversal.omega.dtype)
+        back = self.traversal.back if self.traversal.back is None else self.traversal.back * left
+        omega = self.traversal.omega * left
+        traversal = eqx.tree_at(lambda t: (t.omega, t.back), self.traversal, (omega, back), is_leaf=lambda x: x is None)
+        return eqx.tree_at(lambda b: b.traversal, self, traversal)
 
     def force(self, model: AbstractModel, u: Float[Array, "points dim"], F: Array | None) -> Float[Array, "points dim"]:
         """f of every point; see `Backend.force`."""
