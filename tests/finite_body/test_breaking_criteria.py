@@ -11,6 +11,7 @@ import table
 import pdjax as pd
 from pdjax.finite_body.damage import BREAKING, Criterion
 from pdjax.finite_body.damage.critical_bond_energy import bond_energies
+from pdjax.trust.point_measures import point_measures
 
 CLOUD = bodies.points(2, "cloud")
 X = np.asarray(CLOUD.positions)
@@ -215,7 +216,10 @@ def test_forces_after_a_break_are_the_gradient_of_the_energy(name):
     assert np.abs(np.asarray(FAMS.volumes) @ f).max() < 1e-14 * scale  # measured 3e-16
     step, v = 1e-6, bodies.random(8).normal(size=U.shape)
     ahead, behind = (pd.force_density(model, AFTER, U + s * step * v) for s in (1, -1))
-    Jv = np.asarray(pd.jacobian(model, AFTER, U, form="dense")).reshape(U.size, U.size) @ v.reshape(-1)
+    J = np.asarray(pd.jacobian(model, AFTER, U, form="dense")).reshape(U.size, U.size)
+    Jv = J @ v.reshape(-1)
+    sparse = pd.jacobian(model, AFTER, U, form="sparse")
+    assert np.abs(sparse - J).max() < 1e-14 * np.abs(J).max()  # measured 3e-16
     assert (
         np.abs(Jv.reshape(U.shape) - (ahead - behind) / (2 * step)).max() < 1e-9 * np.abs(Jv).max()
     )  # measured 1.8e-11
@@ -259,6 +263,12 @@ def test_a_break_releases_energy_in_an_affine_state_and_a_cut_of_lps_does_not():
     removed = FAMS.with_weight(np.where(BROKEN, 0.0, 1.0))
     assert abs(before - float(pd.strain_energy(LPS, removed, u))) < 1e-14 * before  # measured 0
     assert abs(float(pd.released_energy(SILLING, FAMS, u, BROKEN))) < 1e-14 * before  # measured 7e-17
+
+
+def test_an_audit_of_a_damaged_body_has_the_energy_of_intact_reference_sums():
+    u = 0.01 * X  # an affine state, where P + W(U) is W
+    found = point_measures(LPS, AFTER, u, None, 1.0, 1.0).energy
+    assert np.allclose(found, pd.energy_density(LPS, AFTER, u), rtol=1e-12, atol=0)
 
 
 def test_breaking_twice_equals_breaking_once():
