@@ -16,8 +16,8 @@ two directions of a bond have different weights.
 
 A bond **breaks** when its weight becomes 0 during a run (`Families.with_broken`). The families then remember their
 weights before the first break, β₀. Models that keep their reference sums (`keeps_reference`, such as LPS) divide by
-the sums of the intact family, ω₀ = influence times β₀. All other models see the remaining family alone. A bond that `cut` or
-`with_weight` removes is absent from the intact family too.
+the sums of the intact family, ω₀ = influence times β₀. All other models see the remaining family alone. A bond that
+`cut` or `with_weight` removes is absent from the intact family too.
 
 The **family** of a point holds all points with |ξ| ≤ δ(1 + 1e-9). The slack of 1e-9 keeps rounding errors from
 deciding which bonds of length δ belong to the family. On a lattice the bonds are in centro-symmetric order: bond b and
@@ -80,7 +80,7 @@ class Bonds(NamedTuple):
     intact: Float[Array, "*points bonds"] | None = None
 
     @property
-    def reference(self) -> Float[Array, "*points bonds"]:
+    def reference(self) -> Float[Array, "..."]:
         """ω of the intact family [-], for reference sums that do not change when bonds break."""
         return self.omega if self.intact is None else self.intact
 

@@ -219,8 +219,9 @@ class AbstractModel(eqx.Module):
     def cut_energy(self, sums: PlaneSums, uniform: bool) -> Array:
         """Energy per area that the bonds across a plane release when they break at the stretch s, over s².
 
-        The unit is pressure · length. `sums` belong to the plane. If `uniform`, all bonds of the body have the stretch s; otherwise the crossing bonds
-        alone. `CriticalStretch.from_fracture_energy` needs this method; models without it refuse.
+        The unit is pressure · length. `sums` belong to the plane. If `uniform`, all bonds of the body have the stretch
+        s, otherwise the crossing bonds alone. `CriticalStretch.from_fracture_energy` needs this method and refuses
+        models without it.
         """
         raise NotImplementedError(f"{type(self).__name__} defines no cut_energy(sums, uniform)")
 

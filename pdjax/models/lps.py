@@ -18,10 +18,14 @@ which is the derivative of the energy Σ V_i W_i. Some public codes use the mean
 is not a derivative of this energy. For two points with moduli E and 2E and volumes 1 and 2 the two rules differ by
 11 %.
 
-m_w is the sum over the intact family, bonds that have broken included (`Families.with_broken`), so that a broken bond
-takes its energy with it. θ and W sum over the bonds that remain. If m_w were that of the remaining family, breaking
-bonds would release nothing in a state of uniform expansion. With r the ratio of the remaining m_w to the intact one, a
-damaged family is that of an LPS with the moduli r² k + r (1 − r)² (d + 2) G/d and r G.
+**Broken bonds** (`Families.with_broken`). m_w and α are those of the intact family, and θ sums over the bonds that
+remain. The force of public codes, T above, then belongs to the energy
+
+    W = ½ (k − k*) θ² + ½ α Σ w e²,    k* = (d + 2) G/d
+
+which equals the first form for an intact family. With r the ratio of the remaining m_w to the intact one, the damaged
+family is that of an LPS with the bulk modulus r² k + r (1 − r) k* and the shear modulus r G. If m_w were the sum of the
+remaining family, breaking bonds would release nothing in a state of uniform expansion.
 
 Source: Silling et al. 2007.
 """
@@ -143,7 +147,11 @@ class LPS(PointStateModel):
     def energy(self, bonds: Bonds) -> Float[Array, ""]:
         e, theta, _, alpha = self._extensions(bonds)
         deviation = e - theta * jnp.linalg.norm(bonds.xi, axis=1) / bonds.xi.shape[1]
-        return 0.5 * self.bulk * theta**2 + 0.5 * alpha * jnp.sum(bonds.omega * bonds.volume * deviation**2)
+        square = jnp.sum(bonds.omega * bonds.volume * deviation**2)
+        if bonds.intact is not None:  # Σ w e² − m_w θ²/d² of the intact m_w, without cancellation
+            lost = (bonds.intact - bonds.omega) * bonds.volume * jnp.sum(bonds.xi**2, axis=1)
+            square += jnp.sum(lost) * (theta / bonds.xi.shape[1]) ** 2
+        return 0.5 * self.bulk * theta**2 + 0.5 * alpha * square
 
     def extension_energies(self, sums: Callable[[int, int], np.ndarray]) -> np.ndarray:
         square, fourth = sums(2, 2), sums(2, 4)

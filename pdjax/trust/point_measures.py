@@ -70,6 +70,7 @@ class _Family(NamedTuple):
     xi: np.ndarray
     omega: np.ndarray
     volume: np.ndarray
+    intact: np.ndarray | None
 
     @property
     def w(self) -> np.ndarray:
@@ -82,7 +83,10 @@ def _chunks(families: Families) -> Iterator[_Family]:
     for start in range(0, len(families), CHUNK):
         rows = slice(start, min(start + CHUNK, len(families)))
         omega = (influence[rows] * weight[rows]).astype(float)
-        yield _Family(rows, neighbours[rows], xi[rows].astype(float), omega, volumes[neighbours[rows]].astype(float))
+        volume, intact = volumes[neighbours[rows]].astype(float), None
+        if families.intact is not None:
+            intact = (influence[rows] * np.asarray(families.intact)[rows]).astype(float)
+        yield _Family(rows, neighbours[rows], xi[rows].astype(float), omega, volume, intact)
 
 
 def right_stretch(H: Float[np.ndarray, "*points dim dim"]) -> Float[np.ndarray, "*points dim dim"]:
@@ -120,6 +124,8 @@ def _energy_of_stretch(model: AbstractModel, families: Families, stretch: np.nda
         mine = jax.tree.map(lambda x, rows=rows: x[rows], varying)
         horizon = np.broadcast_to(np.asarray(families.horizon, float), (size,))
         parts: list[Any] = [xi, eta, omega, volume, horizon]
+        if part.intact is not None:
+            parts.append(filled(part.intact))
         bonds = Bonds(*parts)
         W[part.rows] = computed_in_double(_energies, eqx.combine(mine, shared), bonds)[: len(part.xi)]
     return W

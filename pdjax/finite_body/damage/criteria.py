@@ -1,6 +1,6 @@
 """What a breaking criterion is: which bonds of a deformed body break now.
 
-A criterion defines `exceeded(model, families, bonds)`, an array of bool (points, bonds). It says for every bond, as seen
+A criterion defines `exceeded(model, families, bonds)`, an array of bool (points, bonds). It says for every bond, seen
 from one end, whether the bond breaks. `broken` makes the answer of the criterion from it:
 
     a bond breaks if either end says so, it exists, it has not broken before, and no end lies in the no-fail zone

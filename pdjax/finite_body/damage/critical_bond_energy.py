@@ -13,8 +13,11 @@ the force lies along the bond, and Y₀ = |ξ| Y/|Y|. Models with a shape tensor
 transverse forces, and Y₀ = R ξ with the rotation R of the point's F̄ = R U. A rigid rotation changes neither.
 
 The formula equals the work of Foster et al. if the load grows in proportion (radial loading) and the force is linear in
-the strain: exactly for BondBased and LPS under similarities, and at small strains for every elastic model. At large
-strains, on other paths, and for the bonds beside a growing crack the two differ: w_ij does not remember the path.
+the strain: exactly for BondBased and LPS under similarities, and at small strains for all elastic models where the
+material does not rotate. For BondBased and LPS rotations do not matter. In a model with transverse forces the work of
+Foster et al. on a single bond contains T·Wξ, of the rotation W. It adds up to zero over a family, and w_ij leaves it
+out. At large strains, on other paths, and for the bonds beside a growing crack the two differ too: w_ij does not
+remember the path.
 
 A bond that is shorter than at rest does not break, although its energy is positive too.
 
@@ -70,8 +73,9 @@ def bond_energies(model: AbstractModel, families: Families, bonds: Bonds) -> Flo
 class CriticalBondEnergy(Criterion):
     """Breaking criterion: a bond breaks when its energy w = ½ (τ_ij + τ_ji) exceeds w_c and it is longer than at rest.
 
-    τ_ij = T_ij·(Y − Y₀), with T the force state and Y₀ the undeformed bond, turned with the material. For elastic bonds
-    under proportional loading at small strain, w is the work that Foster, Silling & Chen 2011 integrate.
+    τ_ij = T_ij·(Y − Y₀), with T the force state and Y₀ the undeformed bond, turned with the material. For elastic
+    models under proportional loading at small strain without rotation, w is the work that Foster, Silling & Chen 2011
+    integrate.
 
     It serves the models whose bond force depends on the families of its own ends: BondBased, LPS, Correspondence,
     SethHill, TupekRadovitzky and your own models of this kind.
@@ -113,8 +117,8 @@ class CriticalBondEnergy(Criterion):
             return None
         return (
             f"CriticalBondEnergy cannot serve {type(model).__name__}, whose bond force contains the states of other"
-            " bonds; it serves BondBased, LPS, Correspondence, SethHill and TupekRadovitzky. CriticalStretch serves every"
-            " model"
+            " bonds; it serves BondBased, LPS, Correspondence, SethHill and TupekRadovitzky. CriticalStretch serves"
+            " every model"
         )
 
     def exceeded(self, model: AbstractModel, families: Families, bonds: Bonds) -> Bool[Array, "points bonds"]:

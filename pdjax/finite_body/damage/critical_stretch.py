@@ -13,7 +13,6 @@ from collections.abc import Callable
 
 import equinox as eqx
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array, Bool, Float
 from numpy.typing import ArrayLike
 
@@ -178,6 +177,4 @@ class CriticalStretch(Criterion):
         calibrate = "closed form" if normal is None else "lattice"
         coefficient = cut_coefficient(model, family, calibrate, influence, state, normal)
         stretch, coefficient = on_host((self.stretch, coefficient))
-        return on_device(
-            np.asarray(coefficient * stretch**2) if namespace(stretch, coefficient) is np else coefficient * stretch**2
-        )
+        return on_device(namespace(stretch, coefficient).asarray(coefficient * stretch**2))

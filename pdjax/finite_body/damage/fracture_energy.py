@@ -9,10 +9,10 @@ k* = (d + 2) G/d is the bulk modulus of a solid of independent springs. The rele
 
 **The two states.** The bond of an LPS has no energy of its own, because the dilatation θ couples the bonds of a family.
 The released energy depends on what the other bonds do. A point at the distance z from the plane has lost the share c(z)
-of m_w, and W = ½ (k − k*) θ² + ½ α Σ w e² with α m_w = d² k*. m_w is that of the intact family.
+of m_w, and W = ½ (k − k*) θ² + ½ α Σ w e² with α m_w = d² k* (`pdjax.models.lps`). m_w is that of the intact family.
 
-* "crossing": crossing bonds have e = s |ξ|, all others e = 0. Before the break θ = d c s and Σ w e² = c m_w s², after it
-  both are 0. The integral of W over both sides of the plane gives the formula.
+* "crossing": crossing bonds have e = s |ξ|, all others e = 0. Before the break θ = d c s and Σ w e² = c m_w s². After
+  it both are 0. The integral of W over both sides of the plane gives the formula.
 * "uniform": all bonds have e = s |ξ|, as under hydrostatic tension. θ falls from d s to d s (1 − c).
 
 The states agree for k = k*: ν = ¼ in 3D and in plane strain, ⅓ in plane stress. There LPS has the fracture energy of
