@@ -10,6 +10,7 @@ from bodies import worst
 from table import LINEAR, NEO_HOOKEAN
 
 import pdjax as pd
+from pdjax.trust import own_lattice
 
 SHAPE = (12, 9)
 BODY = pd.lattice(SHAPE, 0.5)
@@ -21,6 +22,12 @@ PLAIN = pd.Correspondence(LINEAR)
 SMOOTH = X @ np.array([[0.01, 0.002], [0.0, -0.003]]) + 2e-4 * np.stack([X[:, 1] ** 2, X[:, 0] * X[:, 1]], axis=1)
 INNER = 66  # a point in the middle
 QUICK = {"margins": False, "body": False}
+
+
+@pytest.fixture(autouse=True)
+def few_bins(monkeypatch):
+    """Twelve bins of stretches instead of 192. `test_own_lattice` judges the error of binning."""
+    monkeypatch.setattr(own_lattice, "BINS", {2: 12})
 
 
 def checks(state):
