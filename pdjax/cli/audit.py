@@ -6,10 +6,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .._internal.checks import writable
 from .._internal.pictures import write_picture
 from .common import Formatter, Job, Jobs, add_influence
-from .points import MOST_DRAWN, add_reading, read
+from .points import MOST_DRAWN, add_reading, out_name, read
 
 if TYPE_CHECKING:
     from ..files.point_data import PointData
@@ -30,7 +29,11 @@ def add(jobs: Jobs, formatter: Formatter) -> None:
         "\nseveral states is judged state by state, unless --step names one.",
     )
     add_reading(job)
-    job.add_argument("--model", required=True, help='model of the results, a name of the atlas such as "LPS"')
+    job.add_argument(
+        "--model",
+        required=True,
+        help='model of the results, such as "LPS" or "bond-level"; a wrong name lists all names',
+    )
     job.add_argument("--lam", type=float, default=1.0, help="first Lamé constant of the law (default 1)")
     job.add_argument("--mu", type=float, default=1.0, help="shear modulus of the law (default 1)")
     add_influence(job)
@@ -43,7 +46,11 @@ def add(jobs: Jobs, formatter: Formatter) -> None:
     job.add_argument("--displacement", help="field of displacements [length] (default: the one there is)")
     job.add_argument("--force", help="field of internal forces [force], compared with those of the model")
     job.add_argument("--force-density", help="field of internal force densities [force/length^dim], compared")
-    job.add_argument("--held", help="set of supported points (default: the body is free)")
+    job.add_argument(
+        "--held",
+        help="set of supported points, or a field that is 1 on supported points or components, such as the field held"
+        " of files of pdjax (default: the body is free)",
+    )
 
 
 def _displacement(data: "PointData", name: str | None, dim: int) -> np.ndarray:
@@ -60,13 +67,20 @@ def _displacement(data: "PointData", name: str | None, dim: int) -> np.ndarray:
     raise ValueError(f"--displacement must name the field of displacements of {data.source.name}; its fields: {known}")
 
 
-def _held(data: "PointData", name: str | None) -> np.ndarray | None:
-    if name is None:
-        return None
-    if name not in data.sets:
-        known = ", ".join(data.sets) or "none"
-        raise ValueError(f"--held must name a set of {data.source.name}; its sets: {known}; got {name!r}")
-    return data.sets[name]
+def _held(data: "PointData", name: str | None, dim: int) -> np.ndarray | None:
+    """The supported points or components: a set, or a field of zeros and ones."""
+    if name is None or name in data.sets:
+        return None if name is None else data.sets[name]
+    if name not in data.fields:
+        sets, fields = (", ".join(names) or "none" for names in (data.sets, data.fields))
+        raise ValueError(
+            f"--held must name a set or a field of {data.source.name}; its sets: {sets}; its fields: {fields};"
+            f" got {name!r}"
+        )
+    mask = data.fields[name]
+    if not np.isin(mask, (0, 1)).all():
+        raise ValueError(f"--held must name a field of zeros and ones; {name} of {data.source.name} has other numbers")
+    return (data.vector(name, dim) if mask.ndim > 1 else mask).astype(bool)
 
 
 def run(arguments: argparse.Namespace) -> Job:
@@ -75,7 +89,7 @@ def run(arguments: argparse.Namespace) -> Job:
     from pdjax.models.catalogue import model_name
     from pdjax.trust.own_lattice import own_lattice_family
 
-    name = None if arguments.out is None else str(writable(Path(arguments.out).with_suffix(".png")).with_suffix(""))
+    name = out_name(arguments.out)
     maker = pd.CATALOGUE[model_name(arguments.model)]
     body, data = read(arguments)
     several = len(data.times) > 1 and arguments.step is None
@@ -88,7 +102,7 @@ def run(arguments: argparse.Namespace) -> Job:
     model = maker(law, own_lattice_family(families)[0])
     if arguments.surface_correction is not None:
         families = families.with_weight(pd.surface_correction(model, families, arguments.surface_correction))
-    held = _held(data, arguments.held)
+    held = _held(data, arguments.held, body.dim)
     if not arguments.json:
         for note in data.notes:
             print(note)
@@ -107,7 +121,7 @@ def run(arguments: argparse.Namespace) -> Job:
     state = pd.audit(model, families, _displacement(data, arguments.displacement, body.dim), held=held, **given)
     if not arguments.json:
         print(state)
-    return state.as_dict(), None if name is None else lambda: _files(name, body, state)
+    return state.as_dict() | {"time": data.time}, None if name is None else lambda: _files(name, body, state)
 
 
 def _files(name: str, body: "Points", state: "Audit") -> str:

@@ -17,7 +17,7 @@ HIGHEST = 3.0  # Scores above are drawn like this one.
 PANELS = (
     ("score", "score: 1 doubtful, 2 untrusted"),
     ("zero_energy", "zero-energy share  [-]"),
-    ("margin", "margin  [-]"),
+    ("margin", "margin  [-]: unstable above 0"),
 )
 
 

@@ -303,6 +303,8 @@ class Auditor:
             worst, total = int(np.argmax(score)), check.of_state(score, self.bonds)
             if total >= 1:
                 words = f"point {worst}: {check.words(evidence, worst)}"
+                if score[worst] >= 2 > total:
+                    words += ". Too few points have a score of 2 for the verdict untrusted"
                 findings.append(Finding(check.name, total, int((score >= 1).sum()), worst, words))
         for whole in BODY_CHECKS:
             found = whole.judge(evidence)
@@ -380,6 +382,8 @@ def held_components(held: Any, families: Families) -> np.ndarray:
 
 # Forces below this part of modulus/spacing are rounding errors of a state at rest; LAMMPS has 1e-16 (measured).
 ROUNDING = 1e-12
+# Given forces that differ by less than this part from a multiple of the model's are called a multiple.
+MULTIPLE = 1e-3
 
 
 def _forces(auditor: Auditor, u: np.ndarray, F: np.ndarray | None, force: Any, density: Any) -> Forces | None:
@@ -396,7 +400,25 @@ def _forces(auditor: Auditor, u: np.ndarray, F: np.ndarray | None, force: Any, d
     if force is not None:
         own, noise = own * auditor.volumes[:, None], noise * auditor.volumes.max()
     largest = max(float(np.linalg.norm(given, axis=1).max(initial=0.0)), float(noise))
-    return Forces(np.linalg.norm(own - given, axis=1) / largest)
+    return Forces(np.linalg.norm(own - given, axis=1) / largest, _hint(own, given, float(noise)))
+
+
+def _hint(own: np.ndarray, given: np.ndarray, noise: float) -> str:
+    """What explains that the given forces are not those of the model: they are zero or a multiple of them."""
+    largest = float(np.linalg.norm(own, axis=1).max(initial=0.0))
+    if largest <= noise or not np.isfinite(largest):
+        return ""
+    if not given.any():
+        return ". The given forces are all zero"
+    own = own / largest
+    factor = float((own * given).sum() / (own * own).sum())
+    rest = float(np.linalg.norm(given - factor * own) / np.linalg.norm(given))
+    if rest > MULTIPLE or abs(factor / largest - 1) < MULTIPLE:
+        return ""
+    return (
+        f". The given forces are {factor / largest:.4g} times those of the model: check their sign, their unit, the"
+        " constants of the law, and whether they are forces or densities"
+    )
 
 
 @public_function

@@ -49,9 +49,13 @@ LOCAL = 1.99  # the score of a state that is untrusted at a few points only
 
 
 class Forces(NamedTuple):
-    """The differences |V f − given| of the forces of every point, divided by the largest given force [-]."""
+    """The differences |V f − given| of the forces of every point, divided by the largest given force [-].
+
+    `hint` is a sentence on what explains them, such as a wrong sign, or an empty string.
+    """
 
     error: np.ndarray
+    hint: str = ""
 
 
 class Evidence(NamedTuple):
@@ -166,7 +170,8 @@ def _forces(e: Evidence) -> tuple[float, str] | None:
     if worst <= FORCES[0]:
         return None
     at = int(np.nanargmax(e.forces.error))
-    words = f"the forces of this model differ from the given ones by {worst:.1e} of the largest, at point {at}"
+    words = f"the forces of this model differ from the given ones by {worst:.1e} of the largest given force"
+    words += f", at point {at}{e.forces.hint}"
     return (2.0 if worst > FORCES[1] else 1.0), words
 
 
@@ -197,7 +202,8 @@ POINT_CHECKS = (
         "shape tensor",
         _shape,
         lambda e, i: (
-            f"the shape tensor of its family is nearly singular, eigenvalue ratio {e.points.shape_ratio[i]:.2g}"
+            f"the shape tensor of its family has the eigenvalue ratio {e.points.shape_ratio[i]:.2g}; below {THIN} it is"
+            " nearly singular"
         ),
     ),
 )

@@ -76,6 +76,15 @@ def test_a_local_checkerboard_turns_the_verdict_as_its_amplitude_grows():
     assert (np.diff(shares[4:]) > 0).all() and shares[0] < 0.01  # measured 0.002, 0.01 at 0.1, 0.55 at 1
 
 
+@pytest.mark.parametrize(
+    ("factor", "hint"), [(-1.0, "are -1 times"), (1000.0, "are 1000 times"), (0.0, "are all zero"), (1.0001, "")]
+)
+def test_forces_that_are_a_multiple_of_those_of_the_model_are_told_so(factor, hint):
+    f = np.asarray(pd.force_density(LEVEL, FAMILIES, SMOOTH))
+    state = pd.audit(LEVEL, FAMILIES, SMOOTH, given_density=factor * f, **QUICK)
+    assert hint in state.findings[0].words and ("The given forces" in state.findings[0].words) == bool(hint)
+
+
 def test_wrong_forces_are_found_and_right_ones_are_not():
     f = np.asarray(pd.force_density(LEVEL, FAMILIES, SMOOTH))
     V = np.asarray(FAMILIES.volumes)[:, None]
