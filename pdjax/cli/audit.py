@@ -13,7 +13,8 @@ from .points import MOST_DRAWN, add_reading, out_name, read
 if TYPE_CHECKING:
     from ..files.point_data import PointData
     from ..geometry.points import Points
-    from ..trust.audit import Audit
+    from ..trust.series import AuditSeries
+    from ..trust.verdict import Audit
 
 NAMES = ("displacement", "displacements", "disp", "u")  # names under which codes write a displacement
 
@@ -102,6 +103,7 @@ def run(arguments: argparse.Namespace) -> Job:
     model = maker(law, own_lattice_family(families)[0])
     if arguments.surface_correction is not None:
         families = families.with_weight(pd.surface_correction(model, families, arguments.surface_correction))
+    about = {"file": str(data.source), "model": repr(model), "horizon": arguments.horizon, "reading": list(data.notes)}
     held = _held(data, arguments.held, body.dim)
     if not arguments.json:
         for note in data.notes:
@@ -113,7 +115,9 @@ def run(arguments: argparse.Namespace) -> Job:
         series = pd.audit_states(model, families, states, times=data.times, held=held, each=keep)
         if not arguments.json:
             print(series)
-        return series.as_dict(), None if name is None else lambda: _files_of_run(name, body, series, fields)
+        return about | series.as_dict(), None if name is None else lambda: _files_of_run(
+            name, body, data, series, fields
+        )
     given: dict[str, Any] = {
         key: None if field is None else data.vector(field, body.dim)
         for key, field in (("force", arguments.force), ("given_density", arguments.force_density))
@@ -121,25 +125,31 @@ def run(arguments: argparse.Namespace) -> Job:
     state = pd.audit(model, families, _displacement(data, arguments.displacement, body.dim), held=held, **given)
     if not arguments.json:
         print(state)
-    return state.as_dict() | {"time": data.time}, None if name is None else lambda: _files(name, body, state)
+    return about | state.as_dict() | {"time": data.time}, None if name is None else lambda: _files(
+        name, body, data, state
+    )
 
 
-def _files(name: str, body: "Points", state: "Audit") -> str:
+def _files(name: str, body: "Points", data: "PointData", state: "Audit") -> str:
     import pdjax as pd
 
-    data = pd.export.write_vtk(body, path=name, fields=state.fields)
-    return f"wrote {data}{_picture(name, body, lambda: pd.figures.audit(body, state))}"
+    sets = data.sets or None
+    file = pd.export.write_vtk(body, path=name, fields=state.fields, sets=sets)
+    return f"wrote {file}{_picture(name, body, lambda: pd.figures.audit(body, state))}"
 
 
-def _files_of_run(name: str, body: "Points", series, fields: list[dict[str, np.ndarray]]) -> str:
+def _files_of_run(
+    name: str, body: "Points", data: "PointData", series: "AuditSeries", fields: list[dict[str, np.ndarray]]
+) -> str:
     import pdjax as pd
 
     shared = set.intersection(*(set(each) for each in fields))
     columns = {key: np.stack([each[key] for each in fields]) for key in fields[0] if key in shared}
-    data = pd.export.write_vtk(body, path=f"{name}.pvd", fields=columns, times=series.times)
+    sets = data.sets or None
+    file = pd.export.write_vtk(body, path=f"{name}.pvd", fields=columns, times=series.times, sets=sets)
     write_picture(pd.figures.audit_states(series), Path(f"{name}.png"))
     worst = series.first_audit or series.last_audit
-    return f"wrote {data}, {name}.png{_picture(name + '-worst', body, lambda: pd.figures.audit(body, worst))}"
+    return f"wrote {file}, {name}.png{_picture(name + '-worst', body, lambda: pd.figures.audit(body, worst))}"
 
 
 def _picture(name: str, body: "Points", draw) -> str:

@@ -7,7 +7,8 @@ from .._internal.checks import choice
 from .._internal.memory import remember, value_key
 from ..finite_body.observers import Snapshot
 from ..finite_body.scene import Scene
-from .audit import Audit, Auditor
+from .auditor import Auditor
+from .verdict import Audit
 
 ACTIONS = ("stop", "flag")
 

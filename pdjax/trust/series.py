@@ -12,8 +12,10 @@ from ..finite_body.dynamics.history import History
 from ..force.fields import body_state
 from ..geometry.bonds import Families
 from ..models.base import AbstractModel
-from .audit import VERDICTS, Audit, Auditor, held_components
+from .audit import held_components
+from .auditor import Auditor
 from .checks import POINT_CHECKS
+from .verdict import VERDICTS, Audit
 
 
 @dataclass(frozen=True, repr=False)

@@ -9,7 +9,7 @@ from table import MODELS
 
 import pdjax as pd
 from pdjax.trust import point_measures as module
-from pdjax.trust.audit import Auditor
+from pdjax.trust.auditor import Auditor
 from pdjax.trust.point_measures import alternation, point_measures, right_stretch
 
 LAM, MU = 1.3, 0.7
