@@ -426,13 +426,13 @@ from .optimise.wave_speeds import moduli_error as moduli_error
 from .studies import closed_forms as closed_forms
 from .tangent.jacobian import jacobian as jacobian
 from .tangent.jacobian import jvp as jvp
-from .trust.audit import Audit as Audit
-from .trust.audit import Finding as Finding
 from .trust.audit import audit as audit
 from .trust.observer import TrustObserver as TrustObserver
 from .trust.observer import trust_observer as trust_observer
 from .trust.series import AuditSeries as AuditSeries
 from .trust.series import audit_states as audit_states
+from .trust.verdict import Audit as Audit
+from .trust.verdict import Finding as Finding
 
 __version__ = _version.VERSION
 Family = LatticeFamily

@@ -6,15 +6,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .._internal.checks import writable
 from .._internal.pictures import write_picture
 from .common import Formatter, Job, Jobs, add_influence
-from .points import MOST_DRAWN, add_reading, read
+from .points import MOST_DRAWN, add_reading, out_name, read
 
 if TYPE_CHECKING:
     from ..files.point_data import PointData
     from ..geometry.points import Points
-    from ..trust.audit import Audit
+    from ..trust.series import AuditSeries
+    from ..trust.verdict import Audit
 
 NAMES = ("displacement", "displacements", "disp", "u")  # names under which codes write a displacement
 
@@ -30,7 +30,11 @@ def add(jobs: Jobs, formatter: Formatter) -> None:
         "\nseveral states is judged state by state, unless --step names one.",
     )
     add_reading(job)
-    job.add_argument("--model", required=True, help='model of the results, a name of the atlas such as "LPS"')
+    job.add_argument(
+        "--model",
+        required=True,
+        help='model of the results, such as "LPS" or "bond-level"; a wrong name lists all names',
+    )
     job.add_argument("--lam", type=float, default=1.0, help="first Lamé constant of the law (default 1)")
     job.add_argument("--mu", type=float, default=1.0, help="shear modulus of the law (default 1)")
     add_influence(job)
@@ -43,7 +47,11 @@ def add(jobs: Jobs, formatter: Formatter) -> None:
     job.add_argument("--displacement", help="field of displacements [length] (default: the one there is)")
     job.add_argument("--force", help="field of internal forces [force], compared with those of the model")
     job.add_argument("--force-density", help="field of internal force densities [force/length^dim], compared")
-    job.add_argument("--held", help="set of supported points (default: the body is free)")
+    job.add_argument(
+        "--held",
+        help="set of supported points, or a field that is 1 on supported points or components, such as the field held"
+        " of files of pdjax (default: the body is free)",
+    )
 
 
 def _displacement(data: "PointData", name: str | None, dim: int) -> np.ndarray:
@@ -60,13 +68,20 @@ def _displacement(data: "PointData", name: str | None, dim: int) -> np.ndarray:
     raise ValueError(f"--displacement must name the field of displacements of {data.source.name}; its fields: {known}")
 
 
-def _held(data: "PointData", name: str | None) -> np.ndarray | None:
-    if name is None:
-        return None
-    if name not in data.sets:
-        known = ", ".join(data.sets) or "none"
-        raise ValueError(f"--held must name a set of {data.source.name}; its sets: {known}; got {name!r}")
-    return data.sets[name]
+def _held(data: "PointData", name: str | None, dim: int) -> np.ndarray | None:
+    """The supported points or components: a set, or a field of zeros and ones."""
+    if name is None or name in data.sets:
+        return None if name is None else data.sets[name]
+    if name not in data.fields:
+        sets, fields = (", ".join(names) or "none" for names in (data.sets, data.fields))
+        raise ValueError(
+            f"--held must name a set or a field of {data.source.name}; its sets: {sets}; its fields: {fields};"
+            f" got {name!r}"
+        )
+    mask = data.fields[name]
+    if not np.isin(mask, (0, 1)).all():
+        raise ValueError(f"--held must name a field of zeros and ones; {name} of {data.source.name} has other numbers")
+    return (data.vector(name, dim) if mask.ndim > 1 else mask).astype(bool)
 
 
 def run(arguments: argparse.Namespace) -> Job:
@@ -75,7 +90,7 @@ def run(arguments: argparse.Namespace) -> Job:
     from pdjax.models.catalogue import model_name
     from pdjax.trust.own_lattice import own_lattice_family
 
-    name = None if arguments.out is None else str(writable(Path(arguments.out).with_suffix(".png")).with_suffix(""))
+    name = out_name(arguments.out)
     maker = pd.CATALOGUE[model_name(arguments.model)]
     body, data = read(arguments)
     several = len(data.times) > 1 and arguments.step is None
@@ -88,7 +103,8 @@ def run(arguments: argparse.Namespace) -> Job:
     model = maker(law, own_lattice_family(families)[0])
     if arguments.surface_correction is not None:
         families = families.with_weight(pd.surface_correction(model, families, arguments.surface_correction))
-    held = _held(data, arguments.held)
+    about = {"file": str(data.source), "model": repr(model), "horizon": arguments.horizon, "reading": list(data.notes)}
+    held = _held(data, arguments.held, body.dim)
     if not arguments.json:
         for note in data.notes:
             print(note)
@@ -99,7 +115,9 @@ def run(arguments: argparse.Namespace) -> Job:
         series = pd.audit_states(model, families, states, times=data.times, held=held, each=keep)
         if not arguments.json:
             print(series)
-        return series.as_dict(), None if name is None else lambda: _files_of_run(name, body, series, fields)
+        return about | series.as_dict(), None if name is None else lambda: _files_of_run(
+            name, body, data, series, fields
+        )
     given: dict[str, Any] = {
         key: None if field is None else data.vector(field, body.dim)
         for key, field in (("force", arguments.force), ("given_density", arguments.force_density))
@@ -107,25 +125,31 @@ def run(arguments: argparse.Namespace) -> Job:
     state = pd.audit(model, families, _displacement(data, arguments.displacement, body.dim), held=held, **given)
     if not arguments.json:
         print(state)
-    return state.as_dict(), None if name is None else lambda: _files(name, body, state)
+    return about | state.as_dict() | {"time": data.time}, None if name is None else lambda: _files(
+        name, body, data, state
+    )
 
 
-def _files(name: str, body: "Points", state: "Audit") -> str:
+def _files(name: str, body: "Points", data: "PointData", state: "Audit") -> str:
     import pdjax as pd
 
-    data = pd.export.write_vtk(body, path=name, fields=state.fields)
-    return f"wrote {data}{_picture(name, body, lambda: pd.figures.audit(body, state))}"
+    sets = data.sets or None
+    file = pd.export.write_vtk(body, path=name, fields=state.fields, sets=sets)
+    return f"wrote {file}{_picture(name, body, lambda: pd.figures.audit(body, state))}"
 
 
-def _files_of_run(name: str, body: "Points", series, fields: list[dict[str, np.ndarray]]) -> str:
+def _files_of_run(
+    name: str, body: "Points", data: "PointData", series: "AuditSeries", fields: list[dict[str, np.ndarray]]
+) -> str:
     import pdjax as pd
 
     shared = set.intersection(*(set(each) for each in fields))
     columns = {key: np.stack([each[key] for each in fields]) for key in fields[0] if key in shared}
-    data = pd.export.write_vtk(body, path=f"{name}.pvd", fields=columns, times=series.times)
+    sets = data.sets or None
+    file = pd.export.write_vtk(body, path=f"{name}.pvd", fields=columns, times=series.times, sets=sets)
     write_picture(pd.figures.audit_states(series), Path(f"{name}.png"))
     worst = series.first_audit or series.last_audit
-    return f"wrote {data}, {name}.png{_picture(name + '-worst', body, lambda: pd.figures.audit(body, worst))}"
+    return f"wrote {file}, {name}.png{_picture(name + '-worst', body, lambda: pd.figures.audit(body, worst))}"
 
 
 def _picture(name: str, body: "Points", draw) -> str:

@@ -45,7 +45,10 @@ def add_reading(job: argparse.ArgumentParser) -> None:
     )
     job.add_argument("--step", type=int, help="state of a file that holds several, from 0 (-1: the last)")
     job.add_argument("--json", action="store_true", help="print the results as one JSON object")
-    job.add_argument("--out", help="write NAME.png and NAME.vtu; default: no files")
+    job.add_argument(
+        "--out",
+        help="write the pictures NAME.png and the fields NAME.vtu, or NAME.pvd for several states; default: no files",
+    )
 
 
 def read(arguments: argparse.Namespace) -> "tuple[Points, PointData]":
@@ -60,6 +63,15 @@ def read(arguments: argparse.Namespace) -> "tuple[Points, PointData]":
         raise ValueError(str(error)) from error
 
 
+def out_name(out: str | None) -> str | None:
+    """The NAME of the files to write, which may contain dots. A suffix that would be written is left out."""
+    if out is None:
+        return None
+    name = out[:-4] if Path(out).suffix in (".png", ".vtu", ".pvd") else out
+    writable(f"{name}.png")
+    return name
+
+
 def _volume(text: str) -> float | str:
     return text if text == "lattice" else float(text)
 
@@ -71,7 +83,7 @@ def run(arguments: argparse.Namespace) -> Job:
     body, data = read(arguments)
     report = pd.neighbour_report(body, arguments.horizon)
     out = _results(report) | {"points": len(body), "dim": body.dim, "notes": list(data.notes)}
-    name = None if arguments.out is None else str(writable(Path(arguments.out).with_suffix(".png")).with_suffix(""))
+    name = out_name(arguments.out)
     if not arguments.json:
         for note in data.notes:
             print(note)

@@ -4,20 +4,21 @@ from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.patheffects import withStroke
 
 from .._internal.public import public_function
 from ..geometry.points import Points
-from ..trust.audit import Audit
 from ..trust.series import AuditSeries
+from ..trust.verdict import Audit
 from .charts import SERIES
 from .fields import drawn_layer, on_page, outlines, paint
 
 MARK = "#E8112D"  # red, which is not among the colours of the fields
-HIGHEST = 3.0  # Scores above are drawn like this one.
-PANELS = (
-    ("score", "score: 1 doubtful, 2 untrusted"),
-    ("zero_energy", "zero-energy share  [-]"),
-    ("margin", "margin  [-]"),
+HIGHEST = 3.0  # Scores above are drawn like this one, and the colour bar has an arrow.
+PANELS: tuple[tuple[str, str, dict[str, Any]], ...] = (
+    ("score", "score: 1 doubtful, 2 untrusted", {"limits": (0.0, HIGHEST)}),
+    ("zero_energy", "zero-energy share  [-]", {"limits": (0.0, 1.0)}),
+    ("margin", "margin  [-]: unstable above 0", {"signed": True}),
 )
 
 
@@ -61,8 +62,8 @@ def audit(points: Points, state: Audit, title: str = "", cut=None) -> Figure:
         raise ValueError(
             f"state must be the audit of these points; got {type(state).__name__} for {type(points).__name__}"
         )
-    values = state.fields | {"score": np.minimum(state.score, HIGHEST)}
-    panels = [(values[name], label) for name, label in PANELS if name in values]
+    values = state.fields
+    panels = [(values[name], label, look) for name, label, look in PANELS if name in values]
     if points.dim == 3 and cut is None and state.places:
         cut = (2, float(state.places[0].position[2]))
     kept, across, layer = drawn_layer(points, cut)
@@ -71,7 +72,7 @@ def audit(points: Points, state: Audit, title: str = "", cut=None) -> Figure:
         figure = Figure(figsize=(6.4, 1.9 * len(panels) + 0.8), layout="constrained")
         order = np.argsort(place[:, 0])
         every: Any = figure.subplots(len(panels), 1, sharex=True)
-        for axes, (shown, label) in zip(every, panels, strict=True):
+        for axes, (shown, label, _) in zip(every, panels, strict=True):
             axes.plot(place[order, 0], shown[order], ".-", color=SERIES[0], linewidth=1.0, markersize=4)
             axes.set_ylabel(label, fontsize=8)
         every[-1].set_xlabel("deformed position x  [length]")
@@ -83,13 +84,15 @@ def audit(points: Points, state: Audit, title: str = "", cut=None) -> Figure:
         size = (0.8 * width + 2.2) * columns, (0.8 * height + 0.9) * rows + 0.6
         figure = Figure(figsize=size, layout="constrained")
         grid: Any = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
-        for axes, (shown, label) in zip(grid.reshape(-1), panels, strict=True):
-            paint(axes, tiles, shown[kept], label, across, below=False, signed=label.startswith("margin"))
+        for axes, (shown, label, look) in zip(grid.reshape(-1), panels, strict=True):
+            paint(axes, tiles, shown[kept], label, across, below=False, **look)
             for number, worst in enumerate(state.places, 1):
                 if worst.score >= 1 and kept[worst.point]:
                     at = place[worst.point][list(across)]
                     axes.plot(*at, "o", color=MARK, markersize=10, markerfacecolor="none", markeredgewidth=1.5)
-                    axes.annotate(f"{number}", at, (7, 7), textcoords="offset points", color=MARK, fontsize=9)
+                    around = [withStroke(linewidth=2.5, foreground="white")]
+                    words: dict[str, Any] = {"color": MARK, "fontsize": 9, "path_effects": around}
+                    axes.annotate(f"{number}", at, (7, 7), textcoords="offset points", **words)
     if title == "":
         title = "; ".join([state.verdict, *dict.fromkeys(found.check for found in state.findings)])
     figure.suptitle("\n".join(word for word in (title, layer) if word), fontsize=10)

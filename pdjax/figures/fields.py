@@ -263,12 +263,15 @@ def paint(
     across: tuple[int, ...],
     below: bool,
     signed: bool = False,
+    limits: tuple[float, float] | None = None,
 ) -> None:
     """Draw values (kept,) on the outlines, with a colour bar on the right or below.
 
-    If `signed` is True, the colours are symmetric about 0 also for values of one sign.
+    If `signed` is True, the colours are symmetric about 0 also for values of one sign. `limits` are those of the
+    colours; by default they are those of the values.
     """
     low, high, kind = _limits(np.concatenate([shown, -shown]) if signed else shown)
+    low, high = limits or (low, high)
     cmap = matplotlib.colormaps["RdBu_r" if kind == "signed" else "cividis"].with_extremes(bad=GREY)
     masked = np.ma.masked_invalid(shown)
     drawn = PolyCollection(list(tiles), array=masked, cmap=cmap, edgecolors="face", linewidths=0.5, rasterized=True)
@@ -278,7 +281,8 @@ def paint(
     axes.set_aspect("equal")
     axes.set_facecolor(AROUND)
     figure: Any = axes.figure
-    figure.colorbar(drawn, ax=axes, label=label, location="bottom" if below else "right", shrink=0.9)
+    beyond = "max" if limits is not None and shown.max(initial=high) > high else "neither"
+    figure.colorbar(drawn, ax=axes, label=label, location="bottom" if below else "right", shrink=0.9, extend=beyond)
     axes.set(xlabel=f"{XYZ[across[0]]}  [length]", ylabel=f"{XYZ[across[1]]}  [length]")
 
 

@@ -118,7 +118,7 @@ def read_points(
     path : str or path
         The file. Its suffix tells the format: text and CSV (.txt, .csv, .dat), NumPy archives (.npz), LAMMPS data files
         (.data, .lmp) and text dumps (.dump, .lammpstrj), and meshes and results (.vtu, .vtk, .msh, .inp, .exo, .e,
-        .ex2, .pvd, .series).
+        .ex2, .pvd, .pvtu, .series).
     volume : float, array of shape (points,), "voronoi" or "lattice", optional
         Volumes [length^dim]. By default they come from the file. "voronoi" takes the Voronoi cells of the points within
         `outline`. "lattice" takes spacing^dim, if the points are those of a uniform lattice.
@@ -156,8 +156,8 @@ def read_points(
     then the body is a lattice, for which forces are fastest. `data.notes` says so.
 
     Text: a line for each point, with the columns x volume, x y volume, x y z volume, or x y z block volume. Other
-    columns need names, in a first line such as "# x y z volume temperature". The modules of `pdjax.files.formats`
-    describe the formats.
+    columns need names, in a first line such as "# x y z volume temperature". Columns ux, uy, uz or u_x, u_y, u_z
+    become the vector field u. The modules of `pdjax.files.formats` describe the formats.
 
     Examples
     --------

@@ -146,7 +146,7 @@ def surface_correction(
     ------
     ValueError
         If the model needs no such correction or has none, the method is unknown, `passes` is not a whole number > 0, an
-        argument is traced, or the families were made with `arrays=False`.
+        argument is traced, the families have a horizon for each point, or they were made with `arrays=False`.
 
     Notes
     -----

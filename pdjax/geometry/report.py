@@ -23,6 +23,7 @@ from .ties import CLEAR, CutShell, cut_shell, tie_radius
 
 THIN = 0.03  # a point is thin if the eigenvalues of its shape tensor have a smaller ratio
 FEW = 1.5  # least horizon over V^(1/dim) that a point should have: with less, its family is that of N = 1
+TOO_LONG = 1.5  # horizon over the longest distance in a body from which the two seem to have different units
 MISFIT = 3.0  # V^(1/dim) over the nearest distance, or its inverse, beyond which the volumes do not fit the points
 
 
@@ -162,6 +163,11 @@ class NeighbourReport:
                 f" shape tensor have a ratio below {THIN}); the first is point {np.argmax(self.thin)}. Models that"
                 " invert the shape tensor, such as Correspondence and SethHill, are inaccurate or refuse the body."
                 " Give the body more layers of points, use a larger horizon, or use BondBased or LPS."
+            )
+        if len(self.count) > 2 and self.horizon > TOO_LONG * self.below and (self.count == len(self.count) - 1).all():
+            found.append(
+                f"Every point is a neighbour of all others: the horizon is {self.horizon:.6g}, and the longest distance"
+                f" in the body is {self.below:.6g}. Check that both have the same unit, or use a smaller horizon."
             )
         found += self._advice_on_volumes()
         return tuple(found)

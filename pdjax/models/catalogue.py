@@ -36,13 +36,26 @@ Maker = Callable[[LinearElastic, LatticeFamily], AbstractModel]
 def model_name(text: str) -> str:
     """The name in `CATALOGUE` that a typed name means.
 
-    A hyphen may stand for a dash or a minus sign and 0.5 for ½, and case is ignored. An unknown name raises ValueError,
-    which lists the names.
+    A hyphen may stand for a dash or a minus sign and 0.5 for ½, and case is ignored. The name of a class without a
+    number, such as BondLevel, is accepted too. An unknown name raises ValueError, which lists the names.
     """
-    names = {_plain(name): name for name in CATALOGUE}
+    names = {_plain(name): name for name in CATALOGUE} | CLASSES
     if _plain(text) not in names:
         raise ValueError("model must be one of\n  " + "\n  ".join(map(repr, CATALOGUE)) + f"\ngot {text!r}")
     return names[_plain(text)]
+
+
+CLASSES = {
+    "bondbased": "bond-based",
+    "correspondence": "Silling",
+    "bondlevel": "bond-level",
+    "bondlevelaverage": "bond-level, two-sided",
+    "bondassociated": "bond-associated",
+    "bondassociatedforce": "bond-associated, force",
+    "subhorizon": "sub-horizon",
+    "reproducingkernel": "reproducing kernel 2",
+}
+"""The model in `CATALOGUE` that the name of a class means."""
 
 
 def _plain(name: str) -> str:

@@ -8,9 +8,9 @@ a line to `POINT_CHECKS` or `BODY_CHECKS`.
     collapse          det F̄ below 0.2                             det F̄ ≤ 0
     instability       margin > 0, but growth below e              growth by e or more while a wave crosses the body
     critical load     critical factor below 1.2                   –
-    zero-energy mode  share above 0.01 if neighbours alternate    share above 0.1 if neighbours alternate
-                      (alternation > 0.3), above 0.5 if not
-    shape tensor      ratio of its eigenvalues below 0.02         –
+    zero-energy mode  share above 0.01, neighbours alternate      share above 0.1, neighbours alternate (> 0.3)
+    steep strain      share above 0.5, no alternation             –
+    shape tensor      ratio of its eigenvalues below 0.03         –
     saddle            positive eigenvalue with a smooth mode      with supports, or a mode that alternates
     forces            forces differ from the file's by 1e-6       by 1e-2
 
@@ -28,8 +28,8 @@ without alternating are no zero-energy mode: solved plates with a clamp or a hol
 **Where strains are small**, two small energies have any quotient. The check of zero-energy modes therefore divides P by
 P + W with the larger of W(U) of the point and its mean over the body.
 
-**Supports.** The displacement of a point whose components are all held is prescribed. At the edge of a rigid clamp the
-strain jumps, which a family sees as z. The check of zero-energy modes therefore leaves out these points.
+**Supports.** At the edge of a rigid clamp the strain jumps, which a family sees as z. The checks of zero-energy modes
+and of steep strains therefore leave out the points whose components are all held, and their neighbours.
 """
 
 from collections.abc import Callable
@@ -38,26 +38,32 @@ from typing import NamedTuple
 import numpy as np
 
 from ..finite_body.free_spectrum import FreeSpectrum
+from ..geometry.report import THIN
 from .own_lattice import OwnLattice
 from .point_measures import PointMeasures
 
 ALTERNATES = 0.3
-COLLAPSING, NEAR_CRITICAL, THIN = 0.2, 1.2, 0.02
+COLLAPSING, NEAR_CRITICAL = 0.2, 1.2
 ALTERNATING, VARYING = (0.01, 0.1), 0.5
 FORCES = 1e-6, 1e-2
 LOCAL = 1.99  # the score of a state that is untrusted at a few points only
 
 
 class Forces(NamedTuple):
-    """The differences |V f − given| of the forces of every point, divided by the largest given force [-]."""
+    """The differences |V f − given| of the forces of every point, divided by the largest given force [-].
+
+    `hint` is a sentence on what explains them, such as a wrong sign, or an empty string.
+    """
 
     error: np.ndarray
+    hint: str = ""
 
 
 class Evidence(NamedTuple):
     """All that an audit has measured. `size` is L/h of the body, `roughness` the alternation of its worst mode.
 
-    `held` (points, dim) tells which components are supported.
+    `clamped` (points,) tells which families hold a point that is held in all directions, and `supported` whether any
+    component of the body is held.
     """
 
     points: PointMeasures
@@ -68,7 +74,8 @@ class Evidence(NamedTuple):
     volumes: np.ndarray
     size: float
     dim: int
-    held: np.ndarray
+    clamped: np.ndarray
+    supported: bool
 
 
 class PointCheck(NamedTuple):
@@ -125,9 +132,13 @@ def _critical(e: Evidence) -> np.ndarray | None:
 
 def _zero_energy(e: Evidence) -> np.ndarray:
     share, (low, high) = _shares(e), ALTERNATING
-    alternating = np.where(share < low, share / low, 1 + (share - low) / (high - low))
-    score = np.where(e.points.alternation > ALTERNATES, alternating, np.minimum(share / VARYING, 1.9))
-    return np.where(e.held.all(axis=1), 0.0, score)
+    score = np.where(share < low, share / low, 1 + (share - low) / (high - low))
+    return np.where((e.points.alternation > ALTERNATES) & ~e.clamped, score, 0.0)
+
+
+def _steep(e: Evidence) -> np.ndarray:
+    score = np.minimum(_shares(e) / VARYING, 1.9)
+    return np.where((e.points.alternation <= ALTERNATES) & ~e.clamped, score, 0.0)
 
 
 def _shares(e: Evidence) -> np.ndarray:
@@ -154,7 +165,7 @@ def _saddle(e: Evidence) -> tuple[float, str] | None:
         f"the Jacobian of the body has {body.positive} positive eigenvalues; the mode of the largest {kind}"
         f" (alternation {e.roughness:.2f})"
     )
-    if not rough and not e.held.any():
+    if not rough and not e.supported:
         return 1.5, f"{words}. It may be the buckling of a body whose supports are not known: pass held="
     return 2.0, words
 
@@ -166,7 +177,8 @@ def _forces(e: Evidence) -> tuple[float, str] | None:
     if worst <= FORCES[0]:
         return None
     at = int(np.nanargmax(e.forces.error))
-    words = f"the forces of this model differ from the given ones by {worst:.1e} of the largest, at point {at}"
+    words = f"the forces of this model differ from the given ones by {worst:.1e} of the largest given force"
+    words += f", at point {at}{e.forces.hint}"
     return (2.0 if worst > FORCES[1] else 1.0), words
 
 
@@ -174,18 +186,28 @@ def _lattice_words(e: Evidence, i: int) -> str:
     assert e.lattice is not None
     exponent = float(growth(e)[i])
     effect = f"grows by e^{exponent:.1f} while a wave crosses the body"
-    return f"the lattice of its own stretch is unstable, margin {e.lattice.margin[i]:.2g}: a perturbation {effect}"
+    return (
+        f"an infinite lattice with its stretch is unstable, margin {e.lattice.margin[i]:.2g}: a perturbation {effect}"
+    )
 
 
 def _critical_words(e: Evidence, i: int) -> str:
     assert e.lattice is not None and e.lattice.critical_factor is not None
-    return f"its lattice becomes unstable at {e.lattice.critical_factor[i]:.3g} times its strain"
+    return f"an infinite lattice becomes unstable at {e.lattice.critical_factor[i]:.3g} times its strain"
 
 
 def _zero_words(e: Evidence, i: int) -> str:
-    share, turn = _shares(e)[i], e.points.alternation[i]
-    kind = "neighbours alternate" if turn > ALTERNATES else "neighbours do not alternate, the strain varies too fast"
-    return f"{100 * share:.0f} % of the energy belongs to zero-energy modes; {kind} (alternation {turn:.2f})"
+    return (
+        f"its neighbours alternate (alternation {e.points.alternation[i]:.2f}), zero-energy share"
+        f" {e.points.zero_energy[i]:.2f}"
+    )
+
+
+def _steep_words(e: Evidence, i: int) -> str:
+    return (
+        f"the strain changes much within its family (share {e.points.zero_energy[i]:.2f}); take more points, or spread"
+        " the load"
+    )
 
 
 POINT_CHECKS = (
@@ -193,11 +215,13 @@ POINT_CHECKS = (
     PointCheck("instability", _instability, _lattice_words, regional=True),
     PointCheck("critical load", _critical, _critical_words),
     PointCheck("zero-energy mode", _zero_energy, _zero_words, regional=True),
+    PointCheck("steep strain", _steep, _steep_words),
     PointCheck(
         "shape tensor",
         _shape,
         lambda e, i: (
-            f"the shape tensor of its family is nearly singular, eigenvalue ratio {e.points.shape_ratio[i]:.2g}"
+            f"the shape tensor of its family has the eigenvalue ratio {e.points.shape_ratio[i]:.2g}; below {THIN} it is"
+            " nearly singular"
         ),
     ),
 )

@@ -7,7 +7,8 @@ from .._internal.checks import choice
 from .._internal.memory import remember, value_key
 from ..finite_body.observers import Snapshot
 from ..finite_body.scene import Scene
-from .audit import Audit, Auditor
+from .auditor import Auditor
+from .verdict import Audit
 
 ACTIONS = ("stop", "flag")
 
@@ -16,7 +17,8 @@ class TrustObserver(eqx.Module):
     """Observer that audits every save of a run on the host. `trust_observer` makes it.
 
     Its values in `History.observed` have one entry a save: `score` (below 1 trusted, from 1 doubtful, from 2
-    untrusted), `point` (the worst point), `zero_energy`, `margin` (the largest of all points) and `det` (the smallest).
+    untrusted), `point` (the worst point), `reason` (what was found there), `zero_energy`, `margin` (the largest of all
+    points) and `det` (the smallest).
 
     Parameters
     ----------
@@ -103,7 +105,9 @@ def trust_observer(action: str = "stop", margins: bool = True) -> TrustObserver:
     Returns
     -------
     TrustObserver
-        An observer for `simulate(observers=…)`. Its values are the worst score of every save and what it comes from.
+        An observer for `simulate(observers={"trust": …})`. `History.observed["trust"]` is a dict of arrays with one
+        entry a save: `score` (from 1 on doubtful, from 2 on untrusted), `point`, `reason`, `zero_energy`, `margin` and
+        `det`.
 
     Raises
     ------

@@ -12,8 +12,10 @@ from ..finite_body.dynamics.history import History
 from ..force.fields import body_state
 from ..geometry.bonds import Families
 from ..models.base import AbstractModel
-from .audit import VERDICTS, Audit, Auditor, held_components
+from .audit import held_components
+from .auditor import Auditor
 from .checks import POINT_CHECKS
+from .verdict import VERDICTS, Audit
 
 
 @dataclass(frozen=True, repr=False)
@@ -116,8 +118,18 @@ def _states(states: Any, times: Any) -> tuple[Iterable[Any], np.ndarray | None, 
         if len(states.u) != len(states.times):
             raise ValueError("this history kept no fields except the last: run simulate with fields=True")
         return np.asarray(states.u), np.asarray(states.times, float), len(states.times)
+    if not isinstance(states, Iterable):
+        raise ValueError(
+            f"states must be a History or a sequence of displacements of shape (points, dim); got"
+            f" {type(states).__name__}. Of a result of solve or equilibrium_path, pass its u"
+        )
     if not hasattr(states, "__len__"):
         states = list(states)
+    if getattr(states, "ndim", 3) != 3:
+        raise ValueError(
+            f"states must be a History or have the shape (states, points, dim); got shape {states.shape}. For one state"
+            " call audit, or pass [u]"
+        )
     if len(states) == 0:
         raise ValueError("states must hold at least one displacement; got none")
     if times is not None and len(times) != len(states):

@@ -55,7 +55,7 @@ def test_one_state_is_judged_and_drawn(run, capsys):
     ("more", "words"),
     [
         (["--displacement", "u"], "no field 'u'; its fields are: displacement"),
-        (["--held", "right"], "--held must name a set of run.pvd; its sets: left; got 'right'"),
+        (["--held", "right"], "--held must name a set or a field of run.pvd; its sets: left;"),
         (["--force", "f"], "no field 'f'"),
         (["--model", "steel"], "model must be one of"),
         (["--step", "7"], "step must be from -3 to 2"),

@@ -36,6 +36,31 @@ def test_the_command_prints_the_report_of_the_library_as_json(plates, capsys):
     assert said["piece_sizes"] == [30, 9, 1] and not said["ok"] and said["advice"] == list(report.advice)
 
 
+def test_the_name_of_the_files_may_contain_dots(plates, capsys):
+    name = plates.parent / "horizon.2.1"
+    for given in (name, f"{name}.png"):
+        assert main(["points", str(plates), "--horizon", "2.1", "--volume", "1", "--out", str(given)]) == 0
+    assert {file.name for file in plates.parent.iterdir()} == {"plates.csv", "horizon.2.1.png", "horizon.2.1.vtu"}
+
+
+def test_supports_may_be_a_field_of_zeros_and_ones(tmp_path, capsys):
+    """`write_vtk` writes the supports of a scene as the field "held", which an audit of the file can name."""
+    body = pd.lattice((6, 5))
+    families, left = pd.families(body, 2.1), body.positions[:, 0] < 1
+    model = pd.BondLevel(pd.LinearElastic(1.0, 1.0))
+    scene = pd.scene(body, families, model, pd.prescribe(left), pd.body_force(~left, [0.001, 0.0]))
+    found = pd.solve(scene)
+    file = str(pd.export.write_vtk(scene, found, tmp_path / "plate"))
+    command = ["audit", file, "--horizon", "2.1", "--model", "bond-level", "--json", "--held"]
+    assert main([*command, "held"]) == 0
+    said = json.loads(capsys.readouterr().out)
+    state = pd.audit(model, families, found.u, held=~scene.free)
+    assert abs(said["eigenvalue"] / state.eigenvalue - 1) < 1e-9
+    for wrong, message in (("load", "a field of zeros and ones"), ("hold", "a set or a field")):
+        assert main([*command, wrong]) == 2
+        assert message in capsys.readouterr().err
+
+
 def test_the_command_writes_a_picture_and_the_fields(plates, capsys):
     meshio = pytest.importorskip("meshio")
     out = plates.parent / "found"

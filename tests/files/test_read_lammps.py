@@ -91,7 +91,7 @@ def test_a_data_file_without_volumes_needs_them(tmp_path):
 def test_image_flags_move_positions_out_of_the_box(tmp_path):
     text = DATA.replace("0 0 -0.002 0 0 0", "0 0 -0.002 1 0 0")
     body, data = data_file(tmp_path, text, dim=2)
-    assert body.positions[0].tolist() == pytest.approx([0.0040008, 0.0], abs=1e-15)
+    assert body.positions[0].tolist() == pytest.approx([0.0040008, 0.0], abs=1e-15)  # measured 0
     assert data.notes[0].startswith("Positions are moved out of the periodic box")
 
 
@@ -184,7 +184,7 @@ def test_displacements_in_a_tilted_box_are_the_shortest(tmp_path):
     rows = ["1 1 0.5 0.25 0.5 1", "2 1 1 1 0.5 1", "3 1 2 3 0.5 1"]
     later = ["1 1 1.5 4.0 0.5 1", "2 1 1 1 0.5 1", "3 1 2 3 0.5 1"]  # by the second edge (1, 4, 0) and (0, -0.25, 0)
     _, data = data_file(tmp_path, tilted(0, rows) + tilted(1, later), "a.dump")
-    assert np.abs(data.fields["displacement"] - [[0, -0.25, 0], [0, 0, 0], [0, 0, 0]]).max() < 1e-15
+    assert np.abs(data.fields["displacement"] - [[0, -0.25, 0], [0, 0, 0], [0, 0, 0]]).max() < 1e-15  # measured 0
 
 
 def test_element_names_and_missing_ids_are_told(tmp_path):

@@ -66,21 +66,21 @@ def test_spectrum_of_a_stressed_free_body_is_that_on_the_complement_of_its_rigid
     assert shape[1] == u.size - {1: 1, 2: 3, 3: 6}[dim]
     found = free_spectrum(SVK, families, u, None, FREE[dim])
     assert found.reason == "" and found.rigid == motions.shape[1]
-    assert abs(found.eigenvalue - values[-1]) / norm < 1e-11  # measured 2e-15 dense, 3e-14 sparse
+    assert abs(found.eigenvalue - values[-1]) / norm < 3e-14  # measured 1e-15, dense and sparse
     assert found.positive == (values > 1e-10 * norm).sum()
     assert (found.positive > 0) == (pressed > 0)  # both kinds occur
-    assert abs(np.linalg.norm(found.mode) - 1) < 1e-12
+    assert abs(np.linalg.norm(found.mode) - 1) < 1e-14  # measured 2e-16
     weighted = np.asarray(families.volumes)[:, None] * found.mode
-    assert worst(motions.T @ weighted.reshape(-1)) < 1e-8  # measured 1e-15 dense, 2e-15 sparse
+    assert worst(motions.T @ weighted.reshape(-1)) < 2e-14  # measured 9e-16
     # The mode has the eigenvalue as its Rayleigh quotient.
     J = np.asarray(derivative(SVK, families, u)).reshape(u.size, -1)
     v = found.mode.reshape(-1)
     quotient = (weighted.reshape(-1) @ J @ v) / (weighted.reshape(-1) @ v)
-    assert abs(quotient - values[-1]) / norm < 1e-10
+    assert abs(quotient - values[-1]) / norm < 2e-14  # measured 9e-16
     R = bodies.rotation(dim, 7)
     turned = free_spectrum(SVK, families, (X + u) @ R.T - X + 2.0, None, FREE[dim])
     assert turned.positive == found.positive and turned.rigid == found.rigid
-    assert abs(turned.eigenvalue - found.eigenvalue) / norm < 1e-11  # measured 2e-15
+    assert abs(turned.eigenvalue - found.eigenvalue) / norm < 3e-14  # measured 8e-16
 
 
 @pytest.mark.parametrize("path", ["dense", "sparse"])
@@ -97,10 +97,10 @@ def test_rigid_rotation_of_a_compressed_body_is_no_instability(path, compressed,
     motions = rigid(np.asarray(families.positions) + u, [np.arange(15)])
     with_rotation, norm, _ = dense(LPS, families, u, motions[:, :2])
     without, _, _ = dense(LPS, families, u, motions)
-    assert (with_rotation[-1] > 1e-6 * norm) == compressed  # measured ±1e-2
+    assert (with_rotation[-1] > 1e-6 * norm) == compressed  # measured ±5e-3
     found = free_spectrum(LPS, families, u, None, FREE[2])
     assert found.positive == 0 and without[-1] < 0
-    assert abs(found.eigenvalue - without[-1]) / norm < 1e-11  # measured 1e-15
+    assert abs(found.eigenvalue - without[-1]) / norm < 3e-14  # measured 1e-15
 
 
 @pytest.mark.parametrize("make, factor", [(step_size_bar, 0.1), (step_size_bar, 1.0), (clamped_plate, 1.0)])
@@ -113,9 +113,10 @@ def test_spectrum_of_a_supported_scene_is_that_of_body_stability(make, factor):
     exact = pd.body_stability(scene, factor=factor)
     found = free_spectrum(scene.model, scene.families, u, None, ~scene.free)
     assert found.rigid == 0 and found.positive == exact.positive
-    assert abs(found.eigenvalue - exact.eigenvalue) / exact.norm < 1e-13  # measured 4e-16
+    assert abs(found.eigenvalue - exact.eigenvalue) / exact.norm < 1e-14  # measured 1e-16
     assert not found.mode[~scene.free].any()
-    assert 1 - abs(np.sum(found.mode * exact.mode)) < 1e-9 or factor == 1.0  # measured 1e-12; others may be double
+    # The largest eigenvalue is simple in all three: the next one is less by 2e-3 of the norm or more.
+    assert abs(1 - abs(np.sum(found.mode * exact.mode))) < 1e-14  # measured 2e-16
 
 
 @pytest.mark.parametrize("path", ["dense", "sparse"])
@@ -132,11 +133,11 @@ def test_a_body_that_is_held_in_part_keeps_its_free_rotation(path, monkeypatch):
     turn = np.stack([-(x - x[3])[:, 1], (x - x[3])[:, 0]], axis=1).reshape(-1, 1)
     values, norm, _ = dense(LPS, families, u, turn, held)
     found = free_spectrum(LPS, families, u, None, held)
-    assert found.rigid == 1 and abs(found.eigenvalue - values[-1]) / norm < 1e-11
+    assert found.rigid == 1 and abs(found.eigenvalue - values[-1]) / norm < 1e-14  # measured 1e-16
     held[11, 1] = True
     values, norm, _ = dense(LPS, families, u, None, held)
     found = free_spectrum(LPS, families, u, None, held)
-    assert found.rigid == 0 and abs(found.eigenvalue - values[-1]) / norm < 1e-11
+    assert found.rigid == 0 and abs(found.eigenvalue - values[-1]) / norm < 1e-14  # measured 3e-16
 
 
 @pytest.mark.parametrize("path", ["dense", "sparse"])
@@ -154,7 +155,7 @@ def test_every_piece_has_its_own_rigid_motions(path, monkeypatch):
     values, norm, _ = dense(LPS, families, u, motions)
     found = free_spectrum(LPS, families, u, None, np.zeros((28, 2), bool))
     assert found.rigid == 8 and found.positive == 0
-    assert abs(found.eigenvalue - values[-1]) / norm < 1e-11  # measured 2e-15
+    assert abs(found.eigenvalue - values[-1]) / norm < 2e-14  # measured 1e-15
 
 
 def test_a_periodic_body_has_translations_only():
@@ -168,7 +169,7 @@ def test_a_periodic_body_has_translations_only():
     values = [np.linalg.eigvalsh(np.asarray(pd.symbol(SVK, family, F, np.array(k)))) for k in waves]
     norm = np.abs(values).max()
     assert found.rigid == 2
-    assert abs(found.eigenvalue - np.max(values)) / norm < 1e-12  # measured 1e-15
+    assert abs(found.eigenvalue - np.max(values)) / norm < 1e-14  # measured 2e-16
     assert found.positive == (np.array(values) > 1e-10 * norm).sum()
 
 
@@ -176,7 +177,7 @@ def test_a_bond_based_plate_that_is_a_mechanism_has_more_than_its_rigid_motions(
     """Springs between nearest neighbours only do not resist shear: eigenvalues are zero, not positive."""
     families = pd.families(pd.lattice((5, 3)), 1.0)
     found = free_spectrum(pd.BondBased(1.0), families, np.zeros((15, 2)), None, np.zeros((15, 2), bool))
-    assert found.rigid == 3 and found.positive == 0 and abs(found.eigenvalue) < found.tolerance
+    assert found.rigid == 3 and found.positive == 0 and abs(found.eigenvalue) < found.tolerance  # measured 0.02 of it
 
 
 def test_what_has_no_spectrum_says_why(monkeypatch):

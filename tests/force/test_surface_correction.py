@@ -3,7 +3,7 @@
 import jax
 import numpy as np
 import pytest
-from table import LINEAR, MODELS
+from table import MODELS
 
 import pdjax as pd
 
@@ -70,7 +70,7 @@ def test_bonds_far_from_the_surface_keep_the_weight_one(name, influence):
         beta = np.asarray(pd.surface_correction(model_of(name, 2), families, method, passes))
         deep = bond & (depth > 2.0 * (passes + 1))[:, None]
         assert deep.any() and np.abs(beta[deep] - 1).max() < 1e-14  # measured 7e-16
-        assert np.abs(beta[bond] - 1).max() > 0.1
+        assert np.abs(beta[bond] - 1).max() > 0.1  # measured 0.25 at least
 
 
 @pytest.mark.parametrize("name", ["bond-based", "lps"])
@@ -90,10 +90,10 @@ def test_a_cloud_is_compared_with_a_ball():
         for name, method in (("bond-based", "volume"), ("bond-based", "energy"), ("lps", "energy"))
     }
     # The ball without its centre has the volume 113.8, and 122 points are in it.
-    assert found["bond-based", "volume"] == pytest.approx(113.8 / 122, abs=1e-3)
+    assert found["bond-based", "volume"] == pytest.approx(113.8 / 122, abs=3e-4)  # measured 2e-5
     # Along the axes this lattice is too stiff for a bond and too soft for LPS.
-    assert found["bond-based", "energy"] == pytest.approx(0.964, abs=1e-3)
-    assert found["lps", "energy"] == pytest.approx(1.067, abs=1e-3)
+    assert found["bond-based", "energy"] == pytest.approx(0.964, abs=5e-4)  # measured 6e-5, its fourth digit
+    assert found["lps", "energy"] == pytest.approx(1.067, abs=5e-4)  # measured 2e-4, its fourth digit
 
 
 @pytest.mark.parametrize("dim", [1, 2, 3])
@@ -102,7 +102,8 @@ def test_many_passes_make_the_extension_energies_of_a_bond_based_body_exact(dim)
     families, full = pd.families(pd.lattice(SHAPES[dim]), 2.0), pd.lattice_family(dim, 2.0)
     before = np.abs(deviations(BOND, families, full, dim)).max()
     corrected = families.with_weight(pd.surface_correction(BOND, families, passes=200))
-    assert before > 0.3 and np.abs(deviations(BOND, corrected, full, dim)).max() < 1e-5  # measured
+    assert before > 0.3  # measured 0.5 at least
+    assert np.abs(deviations(BOND, corrected, full, dim)).max() < 2e-6  # measured 1e-7 in 3D, 5e-13 at least
 
 
 @pytest.mark.parametrize("dim", [2, 3])
@@ -112,7 +113,8 @@ def test_three_passes_halve_the_errors_of_the_extension_energies(name, dim):
     families = pd.families(pd.lattice(SHAPES[dim]), 3.015)
     corrected = families.with_weight(pd.surface_correction(model, families))
     before, after = (np.abs(deviations(model, f, full, dim)) for f in (families, corrected))
-    assert after.max() < 0.5 * before.max() and np.sqrt((after**2).mean()) < 0.6 * np.sqrt((before**2).mean())
+    assert after.max() < 0.5 * before.max()  # measured 0.45 at most
+    assert np.sqrt((after**2).mean()) < 0.5 * np.sqrt((before**2).mean())  # measured 0.41 at most
 
 
 @pytest.mark.parametrize("nu", [0.0, 0.25, 0.4])
@@ -129,7 +131,8 @@ def test_the_volume_method_makes_the_energies_of_lps_worse_at_the_side_of_a_plat
             "energy": families.with_weight(pd.surface_correction(model, families, "energy")),
         }.items()
     }
-    assert errors["energy"] < 0.4 * errors["none"] and errors["volume"] > errors["none"]
+    assert errors["energy"] < 0.3 * errors["none"]  # measured 0.25 at most
+    assert errors["volume"] > 1.2 * errors["none"]  # measured 1.39 at least
 
 
 @pytest.mark.parametrize("name", ["bond-based", "lps"])
@@ -139,14 +142,15 @@ def test_rigid_motions_cause_no_force_and_momentum_is_conserved(name, method):
     corrected = families.with_weight(pd.surface_correction(model, families, method))
     X, angle = np.asarray(families.positions), 0.3
     turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
-    assert np.abs(pd.force_density(model, corrected, X @ turn.T - X + [0.3, -0.2])).max() < 1e-12  # measured 1e-15
+    assert np.abs(pd.force_density(model, corrected, X @ turn.T - X + [0.3, -0.2])).max() < 1e-12  # measured 3e-14
     u = 0.05 * np.random.default_rng(3).normal(size=X.shape)
     f, V = np.asarray(pd.force_density(model, corrected, u)), np.asarray(families.volumes)[:, None]
-    assert np.abs((V * f).sum(axis=0)).max() < 1e-12 * np.abs(V * f).sum()
+    assert np.abs((V * f).sum(axis=0)).max() < 3e-16 * np.abs(V * f).sum()  # measured 9e-18
     x, Vf = X + u, V * f
-    assert abs((x[:, 0] * Vf[:, 1] - x[:, 1] * Vf[:, 0]).sum()) < 1e-12 * np.abs(Vf).sum() * np.abs(x).max()
+    moment = (x[:, 0] * Vf[:, 1] - x[:, 1] * Vf[:, 0]).sum()
+    assert abs(moment) < 3e-16 * np.abs(Vf).sum() * np.abs(x).max()  # measured 5e-18
     slope = jax.grad(lambda u: pd.strain_energy(model, corrected, u))(u)
-    assert np.allclose(-np.asarray(slope) / V, f, atol=1e-12 * np.abs(f).max())
+    assert np.abs(np.asarray(slope) / V + f).max() < 2e-14 * np.abs(f).max()  # measured 6e-16
 
 
 def test_a_missing_neighbour_counts_whether_it_is_cut_or_absent():
@@ -155,7 +159,7 @@ def test_a_missing_neighbour_counts_whether_it_is_cut_or_absent():
     cut = pd.cut(whole, pd.Plane((6.0, 0.0), (1.0, 0.0)))
     beta = np.asarray(pd.surface_correction(BOND, cut)) * np.asarray(cut.weight)
     alone = np.asarray(pd.surface_correction(BOND, half)) * np.asarray(half.weight)
-    assert np.allclose(beta[:42].sum(axis=1), alone.sum(axis=1), rtol=1e-13)
+    assert np.allclose(beta[:42].sum(axis=1), alone.sum(axis=1), rtol=1e-14, atol=0)  # measured 0
 
 
 def test_a_point_without_bonds_gets_finite_weights():
@@ -176,9 +180,8 @@ def test_a_plate_of_one_layer_in_3d_is_corrected_in_its_plane():
 def test_constants_of_each_point_have_weights_of_their_own():
     families = pd.families(pd.lattice((12, 11)), 2.0)
     same = pd.LPS(np.full(132, 1.5), np.full(132, 0.7))
-    assert np.allclose(
-        pd.surface_correction(same, families), pd.surface_correction(pd.LPS(1.5, 0.7), families), rtol=1e-13
-    )
+    found, expected = (pd.surface_correction(model, families) for model in (same, pd.LPS(1.5, 0.7)))
+    assert np.allclose(found, expected, rtol=1e-14, atol=0)  # measured 0
     graded = pd.BondBased(np.linspace(1.0, 2.0, 132))
     assert np.array_equal(pd.surface_correction(graded, families), pd.surface_correction(BOND, families))
 
@@ -205,4 +208,3 @@ def test_families_without_arrays_and_traced_constants_are_refused():
         pd.surface_correction(BOND, pd.families(body, 2.0, arrays=False))
     with pytest.raises(ValueError, match="outside jit and grad"):
         jax.jit(lambda c: pd.surface_correction(pd.BondBased(c), pd.families(body, 2.0)))(1.0)
-    assert pd.Correspondence(LINEAR).affine_exact

@@ -116,6 +116,12 @@ def test_a_thin_ligament_is_found_and_named():
     assert f"the first is point {middle[0]}" in str(report)
 
 
+def test_a_horizon_of_another_unit_is_found():
+    report = pd.neighbour_report(pd.lattice((5, 4)), 3000.0)
+    assert not report.ok and "Every point is a neighbour of all others" in report.advice[0]
+    assert pd.neighbour_report(pd.lattice((5, 4)), 6.0).ok
+
+
 def test_volumes_of_another_unit_are_found():
     body = pd.cloud(pd.lattice((8, 8), 0.1).positions, 1.0)  # 100 times too large
     (advice,) = pd.neighbour_report(body, 0.31).advice

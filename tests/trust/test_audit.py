@@ -10,6 +10,7 @@ from bodies import worst
 from table import LINEAR, NEO_HOOKEAN
 
 import pdjax as pd
+from pdjax.trust import own_lattice
 
 SHAPE = (12, 9)
 BODY = pd.lattice(SHAPE, 0.5)
@@ -21,6 +22,12 @@ PLAIN = pd.Correspondence(LINEAR)
 SMOOTH = X @ np.array([[0.01, 0.002], [0.0, -0.003]]) + 2e-4 * np.stack([X[:, 1] ** 2, X[:, 0] * X[:, 1]], axis=1)
 INNER = 66  # a point in the middle
 QUICK = {"margins": False, "body": False}
+
+
+@pytest.fixture(autouse=True)
+def few_bins(monkeypatch):
+    """Twelve bins of stretches instead of 192. `test_own_lattice` judges the error of binning."""
+    monkeypatch.setattr(own_lattice, "BINS", {2: 12})
 
 
 def checks(state):
@@ -45,9 +52,9 @@ def test_a_smooth_state_is_trusted_and_reports_all_its_fields():
         assert len(values) == len(X) and values.shape[1:] == ((2,) if name in ("displacement", "worst_mode") else ())
     assert worst(state.displacement, SMOOTH) == 0
     assert "trusted: nothing was found" in state.summary and "places nearest to a limit" in repr(state)
-    # F̄ of a smooth field is its gradient to the first order: det F = 1 + tr H + det H.
+    # F̄ of a quadratic field is its gradient where the family is symmetric.
     H = np.array([[0.01, 0.002], [0.0, -0.003]]).T + 2e-4 * np.array([[0, 2 * X[INNER, 1]], [X[INNER, 1], X[INNER, 0]]])
-    assert abs(state.det[INNER] - np.linalg.det(np.eye(2) + H)) < 1e-6  # measured 2e-8
+    assert abs(state.det[INNER] - np.linalg.det(np.eye(2) + H)) < 1e-15  # measured 0
     whole = json.loads(json.dumps(state.as_dict()))
     assert whole["verdict"] == "trusted" and whole["time"] is None and whole["positive"] == 0
     assert whole["fields"]["det_F"]["min"] == state.det.min() and "displacement" not in whole["fields"]
@@ -69,14 +76,23 @@ def test_a_local_checkerboard_turns_the_verdict_as_its_amplitude_grows():
     assert (np.diff(shares[4:]) > 0).all() and shares[0] < 0.01  # measured 0.002, 0.01 at 0.1, 0.55 at 1
 
 
+@pytest.mark.parametrize(
+    ("factor", "hint"), [(-1.0, "are -1 times"), (1000.0, "are 1000 times"), (0.0, "are all zero"), (1.0001, "")]
+)
+def test_forces_that_are_a_multiple_of_those_of_the_model_are_told_so(factor, hint):
+    f = np.asarray(pd.force_density(LEVEL, FAMILIES, SMOOTH))
+    state = pd.audit(LEVEL, FAMILIES, SMOOTH, given_density=factor * f, **QUICK)
+    assert hint in state.findings[0].words and ("The given forces" in state.findings[0].words) == bool(hint)
+
+
 def test_wrong_forces_are_found_and_right_ones_are_not():
     f = np.asarray(pd.force_density(LEVEL, FAMILIES, SMOOTH))
     V = np.asarray(FAMILIES.volumes)[:, None]
     for right in ({"force": V * f}, {"given_density": f}):
         state = pd.audit(LEVEL, FAMILIES, SMOOTH, **right, **QUICK)
-        assert state.verdict == "trusted" and state.force_error < 1e-15
+        assert state.verdict == "trusted" and state.force_error < 1e-15  # measured 0
     state = pd.audit(LEVEL, FAMILIES, SMOOTH, force=1.001 * V * f, **QUICK)
-    assert state.verdict == "doubtful" and abs(state.force_error - 0.001 / 1.001) < 1e-12
+    assert state.verdict == "doubtful" and abs(state.force_error - 0.001 / 1.001) < 2e-15  # measured 8e-17
     moved = f.copy()
     moved[INNER] += np.linalg.norm(f, axis=1).max() * np.array([0.0, 0.5])
     state = pd.audit(LEVEL, FAMILIES, SMOOTH, given_density=moved, **QUICK)
@@ -109,7 +125,7 @@ def test_a_thin_chain_of_points_is_doubtful():
     u = 0.01 * np.asarray(families.positions)
     state = pd.audit(pd.BondBased(20.0), families, u, **QUICK)
     assert state.verdict == "doubtful" and checks(state) == {"shape tensor"}
-    assert state.findings[0].point >= len(X) and state.shape_ratio[-1] < 1e-3
+    assert state.findings[0].point >= len(X) and state.shape_ratio[-1] < 1e-3  # measured 1e-4
 
 
 def test_a_compressed_plate_is_a_saddle_whose_mode_alternates():
@@ -117,20 +133,20 @@ def test_a_compressed_plate_is_a_saddle_whose_mode_alternates():
     state = pd.audit(pd.SethHill(1.0, LINEAR), FAMILIES, -0.05 * X)
     assert state.verdict == "untrusted" and checks(state) >= {"instability", "saddle"}
     exact = pd.stability(pd.SethHill(1.0, LINEAR), pd.lattice_family(2, 1.51 / 0.5, 0.5), 0.95 * np.eye(2))
-    assert worst(state.margin, float(exact.margin)) < 1e-9 and exact.verdict == "unstable"
-    assert state.critical_factor.max() <= 0.1
+    assert worst(state.margin, float(exact.margin)) < 1e-14 and exact.verdict == "unstable"  # measured 1e-17
+    assert state.critical_factor.max() <= 0.1  # half of the first factor that is tried
     (words,) = (found.words for found in state.findings if found.check == "saddle")
     assert "alternates" in words and str(state.positive) in words
 
 
 def test_buckling_without_supports_is_doubtful_and_with_them_untrusted():
     """A slender column under its ends' compression: the mode is smooth, and only supports tell what it means."""
-    body = pd.lattice((60, 4), 0.5)
+    body = pd.lattice((40, 3), 0.5)
     families = pd.families(body, 1.01)
     u = body.positions * np.array([-0.05, 0.01])
     free = pd.audit(LEVEL, families, u, margins=False)
-    held = np.zeros((240, 2), bool)
-    ends = (body.positions[:, 0] < 1.0) | (body.positions[:, 0] > 29.0)
+    held = np.zeros((120, 2), bool)
+    ends = (body.positions[:, 0] < 1.0) | (body.positions[:, 0] > 19.0)
     held[ends, 0] = True
     held[body.positions[:, 0] < 1.0, 1] = True
     supported = pd.audit(LEVEL, families, u, held=held, margins=False)
@@ -145,8 +161,9 @@ def test_the_edge_of_a_rigid_clamp_is_no_zero_energy_mode():
     u = 0.02 * np.maximum(X[:, :1] - 1.5, 0) * np.array([1.0, 0.0])
     u[:, 1] = -0.3 * 0.02 * np.where(left, 0.0, X[:, 1] - X[:, 1].mean())
     blind, told = pd.audit(LEVEL, FAMILIES, u, **QUICK), pd.audit(LEVEL, FAMILIES, u, held=left, **QUICK)
-    assert blind.score[left].max() > 0.7 and told.score[left].max() < 0.3  # measured 0.80 and 0.15, the shape tensor
-    assert (blind.score == told.score)[~left].all()
+    assert blind.score[left].max() > 0.7 and told.score[left].max() < 0.1  # measured 0.80 and 0.044
+    beyond = X[:, 0] > 1.5 + 1.51  # families that hold no clamped point
+    assert (blind.score == told.score)[beyond].all()
 
 
 def test_places_are_more_than_two_horizons_apart_and_sorted():
@@ -155,7 +172,7 @@ def test_places_are_more_than_two_horizons_apart_and_sorted():
     at = np.array([place.position for place in state.places])
     assert len(at) >= 2 and worst(at, X[[place.point for place in state.places]]) == 0
     apart = np.linalg.norm(at[:, None] - at, axis=-1)[~np.eye(len(at), dtype=bool)]
-    assert apart.min() > 2 * 1.51
+    assert apart.min() > 2 * 1.51  # measured 3.6
     scores = [place.score for place in state.places]
     assert scores == sorted(scores, reverse=True) and scores[0] == state.score.max()
 
@@ -190,7 +207,8 @@ def test_the_body_at_rest_and_under_a_mean_deformation():
     assert rest.verdict == "trusted" and rest.zero_energy.max() == 0 and np.isinf(rest.critical_factor).all()
     F = np.array([[1.02, 0.01], [0.0, 0.99]])
     one, other = pd.audit(LEVEL, FAMILIES, 0 * X, F=F), pd.audit(LEVEL, FAMILIES, X @ (F - np.eye(2)).T)
-    assert worst(one.margin, other.margin) < 1e-9 and abs(one.eigenvalue / other.eigenvalue - 1) < 1e-9
+    assert worst(one.margin, other.margin) < 1e-14  # measured 3e-17
+    assert abs(one.eigenvalue / other.eigenvalue - 1) < 2e-13  # measured 7e-15
 
 
 def test_float32_has_the_verdict_of_float64():
@@ -199,4 +217,4 @@ def test_float32_has_the_verdict_of_float64():
     for u in (SMOOTH, SMOOTH + 0.02 * board()):
         one = pd.audit(PLAIN, FAMILIES, u, **QUICK)
         other = pd.audit(PLAIN, narrow, jnp.asarray(u, jnp.float32), **QUICK)
-        assert one.verdict == other.verdict and worst(one.zero_energy, other.zero_energy) < 1e-3
+        assert one.verdict == other.verdict and worst(one.zero_energy, other.zero_energy) < 3e-5  # measured 1.4e-6

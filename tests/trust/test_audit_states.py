@@ -41,6 +41,10 @@ def test_trusted_states_have_no_first_one():
 def test_states_are_checked():
     with pytest.raises(ValueError, match="at least one"):
         pd.audit_states(MODEL, FAMILIES, [], **QUIET)
+    with pytest.raises(ValueError, match=r"have the shape \(states, points, dim\); got shape \(63, 2\)"):
+        pd.audit_states(MODEL, FAMILIES, STATES[0], **QUIET)
+    with pytest.raises(ValueError, match=r"got float\. Of a result of solve or equilibrium_path, pass its u"):
+        pd.audit_states(MODEL, FAMILIES, 1.0, **QUIET)
     with pytest.raises(ValueError, match="one entry for each of the 5 states"):
         pd.audit_states(MODEL, FAMILIES, STATES, times=[0.0, 1.0], **QUIET)
     with pytest.raises(ValueError, match="u must"):

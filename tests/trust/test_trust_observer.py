@@ -8,7 +8,7 @@ from table import LINEAR
 import pdjax as pd
 
 SVK = pd.SethHill(1.0, LINEAR)
-RUN = {"dt": 0.05, "save_every": 2, "show_progress": False}
+RUN = {"dt": 0.05, "save_every": 4, "show_progress": False}
 
 
 def driven():
@@ -31,19 +31,19 @@ def flagged(motion):
 
 def test_flag_records_what_audit_measures_at_every_save(motion, flagged):
     seen = flagged.observed["trust"]
-    assert flagged.finished and len(flagged.times) == 21 and flagged.stopped_by == ""
-    for save in (0, 5, 20):
+    assert flagged.finished and len(flagged.times) == 11 and flagged.stopped_by == ""
+    for save in (0, 5, 10):
         state = pd.audit(SVK, motion.scene.families, flagged.u[save], held=~motion.scene.free, body=False)
         assert seen["zero_energy"][save] == state.zero_energy.max() and seen["det"][save] == state.det.min()
         assert seen["margin"][save] == np.nanmax(state.margin)
-        assert seen["score"][save] >= 2 or state.verdict != "untrusted"
+        assert (seen["score"][save] >= 2) == (state.verdict == "untrusted")
     assert seen["score"][0] < 1 and seen["reason"][0] == ""
 
 
 def test_stop_ends_the_run_at_the_first_untrusted_save(motion, flagged):
     history = pd.simulate(motion, 2.0, observers={"trust": pd.trust_observer()}, **RUN)
     first = int(np.argmax(flagged.observed["trust"]["score"] >= 2))
-    assert 0 < first < 20 and len(history.times) == first + 1
+    assert 0 < first < 10 and len(history.times) == first + 1
     assert not history.finished and history.ending.name == "STOPPED" and history.failure is None
     reason = str(flagged.observed["trust"]["reason"][first])
     assert history.stopped_by == f"trust, {reason}" and history.reason.endswith(reason) and "point" in reason
@@ -95,7 +95,7 @@ class Counting:
 def test_a_users_observer_is_called_once_a_save_with_numpy_arrays(motion, flagged):
     watch = Counting()
     history = pd.simulate(motion, 2.0, observers={"mine": watch, "tip": pd.observers.probe([23])}, **RUN)
-    assert watch.times == history.times.tolist() == pytest.approx([0.0, 0.1, 0.2])
+    assert watch.times == history.times.tolist() == pytest.approx([0.0, 0.2, 0.4], rel=1e-15)  # measured 0
     assert watch.kinds == {np.ndarray} and history.stopped_by == "mine, three saves"
     assert np.array_equal(history.observed["mine"]["mid"], flagged.u[:3, 12])
-    assert np.allclose(history.observed["tip"][:, 0, 0], [0.0, -0.05, -0.1], atol=1e-12)
+    assert np.abs(history.observed["tip"][:, 0, 0] - [0.0, -0.1, -0.2]).max() < 1e-16  # measured 0

@@ -100,7 +100,10 @@ def body_of(columns: dict[str, np.ndarray], where: Callable[[int], str], notes: 
         numbers = rest[block]
         if not are_whole(numbers):
             k = int(np.argmin(np.isfinite(numbers) & (numbers == np.round(numbers))))
-            raise ValueError(f"{where(k)}: expected a whole number in the column {block}; got {numbers[k]}")
+            raise ValueError(
+                f"{where(k)}: expected a whole number in the column {block}; got {numbers[k]}; correct it, or name the"
+                " columns in a first line if their order is another"
+            )
         if len(np.unique(numbers)) > MOST_BLOCKS:
             said.append(f"The column {block} has more than {MOST_BLOCKS} different numbers and is a field, not sets.")
         else:
