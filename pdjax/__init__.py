@@ -9,7 +9,7 @@ critical loads, the equilibria and motions of whole bodies, and the derivatives 
         SethHill, Correspondence, BondBased, LPS, BondLevel, ReproducingKernel, BondAssociated, SillingControl
         LinearElastic, NeoHookean, EnergyLaw, graded, linearised, CATALOGUE
     pdjax.force              forces, energies, strains and stresses of a body or of one family
-        force_density, force_operator, force_state, strain_energy, strain, stress, cauchy_stress, von_mises,
+        force_density, force_operator, force_state, strain_energy, strain, stress, cauchy_stress, von_mises
         surface_correction
     pdjax.tangent            the exact Jacobian of the forces of a body: jacobian, jvp
     pdjax.infinite_lattice   stability and waves of an infinite lattice, from one family
