@@ -29,6 +29,7 @@ MADE = {  # how a user obtains an object of each class
     "LatticeFamily": "pdjax.lattice_family(dim, N)",
     "Families": "pdjax.families(body, horizon)",
     "Bonds": "family.bonds(F) or families.bonds(u)",
+    "Criterion": "CriticalStretch, CriticalBondEnergy or BreakingRule",
     "Law": "LinearElastic, NeoHookean or EnergyLaw",
     "AbstractModel": "a model such as SethHill or Correspondence",
     "History": "what pdjax.simulate returns",

@@ -13,6 +13,7 @@ import re
 import warnings
 import zipfile
 from pathlib import Path
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -79,8 +80,8 @@ def load(path: str | os.PathLike, name: str, like: Tree) -> tuple[State, list[Tr
             " save_every differ from those of this run, or another version of JAX wrote it; the defaults of dt and"
             " save_every depend on the duration, so give both from the start if you want to extend a run later"
         )
-    found = {k: arrays.get(f"state_{k}") for k in State._fields}
-    state = State(**{k: None if x is None else jnp.asarray(x) for k, x in found.items()})
+    parts: list[Any] = [arrays.get(f"state_{k}") for k in State._fields]
+    state = State(*(None if x is None else jnp.asarray(x) for x in parts))  # type: ignore[arg-type]
     leaves, structure = jax.tree.flatten(like)
     columns = [arrays[f"record_{k}"] for k in range(len(leaves))]
     records = [jax.tree.unflatten(structure, [c[i] for c in columns]) for i in range(len(columns[0]))]

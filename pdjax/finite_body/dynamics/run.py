@@ -205,8 +205,10 @@ class _Host:
         """The record with the values of these observers."""
         if self.factor is None:
             return record
-        fields = (None if x is None else np.asarray(x) for x in (state.u, state.v, state.force, state.alive))
+        fields = (np.asarray(x) for x in (state.u, state.v, state.force))
         now = Snapshot(np.asarray(record.t), np.asarray(self.factor(record.t)), *fields)
+        if state.alive is not None:
+            now = now._replace(alive=np.asarray(state.alive))
         values = {
             name: {key: np.asarray(value) for key, value in watch(self.motion.scene, now).items()}
             for name, watch in self.observers.items()

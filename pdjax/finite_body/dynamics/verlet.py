@@ -110,6 +110,7 @@ class Energies(NamedTuple):
 def initial_state(motion: Motion) -> State:
     """The state at t = 0."""
     zero = jnp.zeros((), motion.start.dtype)
+    motion = motion if motion.breaking is None else motion.prepared()
     alive = None if motion.breaking is None else all_alive(motion.scene)
     force = motion.force(motion.start, motion.factor(zero)[0], alive)
     finite = jnp.isfinite(force).all()

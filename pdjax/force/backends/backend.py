@@ -27,7 +27,7 @@ class Backend(eqx.Module):
     quick: ClassVar[bool] = False  # compiles with the options QUICK, where its program runs as fast with them
 
     def broken(self, model: AbstractModel, alive: Bool[Array, "points bonds"]) -> "Backend":
-        """The backend of the body in which only these bonds are left. Reference sums stay those of the intact family."""
+        """The backend of the body with these bonds alone. Reference sums stay those of the intact family."""
         raise NotImplementedError(f"the backend {type(self).__name__} evaluates no broken bonds")
 
     @abstractmethod
