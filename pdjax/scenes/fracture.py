@@ -28,7 +28,13 @@ FRONT = 3.0  # half width of the wave fronts over the horizon; behind sharper fr
 
 
 class Spall(NamedTuple):
-    """What wave theory says of a spall bar: the place [length] and time [time] of the first tension, and its strain."""
+    """What wave theory says of a spall bar: the place [length] and time [time] of the first tension, and its strain.
+
+    Examples
+    --------
+    >>> pd.scenes.Spall(place=0.6, time=1.0, strain=0.01).time
+    1.0
+    """
 
     place: float
     time: float
