@@ -16,7 +16,7 @@ critical loads, the equilibria and motions of whole bodies, and the derivatives 
         stability, certify, certify_path, critical_load, stability_map, model_atlas, symbol, center_block, dispersion
         cell_stability, hydrostatic, uniaxial_strain, uniaxial_stress, simple_shear
     pdjax.finite_body        supports and loads, stability, statics, dynamics and fracture of a body
-        prescribe, body_force, total_force, homogeneous_traction, scene, solve, equilibrium_path, body_stability,
+        prescribe, body_force, total_force, homogeneous_traction, scene, solve, equilibrium_path, body_stability
         body_spectrum, body_critical_load, motion, simulate, critical_time_step, observers, CriticalStretch
     pdjax.scenes             problems that are ready to solve, some with a closed form
     pdjax.optimise           design by gradient, and parameters from measured data

@@ -141,3 +141,19 @@ def test_symbol_by_differences_has_the_largest_eigenvalue_of_pdjax():
         symbols = [np.asarray(pd.symbol(pd.SethHill(m, LAW), fam, F, k)) for k in waves]
         exact = max(np.linalg.eigvalsh((s + s.conj().T) / 2)[-1] for s in symbols)
         assert abs(peer.largest(m, np.asarray(F), np.asarray(waves)) - exact) < 1e-9  # 3e-11
+
+
+def test_bonds_break_in_the_steps_in_which_lammps_breaks_them():
+    module("lammps_peri")
+    brittle = importlib.import_module("brittle_peer")
+    X = pd.lattice(brittle.SHAPE, brittle.SPACING).positions
+    start, steps = brittle.velocities(X), 40
+    brittle.STEPS, kept = steps, brittle.STEPS
+    try:
+        u, damage, _, history, _ = brittle.by_pdjax(0.05, start)
+        theirs, hit, _ = brittle.by_lammps(0.05, start)
+    finally:
+        brittle.STEPS = kept
+    # pdjax breaks a bond at the start of the next step, LAMMPS at the end of this one.
+    assert np.abs(damage[1:] - hit[:-1]).max() < 1e-14 and damage[-1].max() > 0.5  # measured 2e-16
+    assert np.abs(u - theirs).max() < 1e-13 * np.abs(theirs).max()  # measured 7e-15
