@@ -91,7 +91,8 @@ def _contents(path: Path) -> Contents:
         raise ValueError(f"{path} has two columns named {twice}; rename one of them")
     kept = list(range(len(names)))
     if named is None:
-        notes.append(f"The columns have no names and are taken as {', '.join(names)}.")
+        instead = " If the last one is z, name the columns and pass volume=." if len(names) == 3 else ""
+        notes.append(f"The columns have no names and are taken as {', '.join(names)}.{instead}")
     else:  # words, such as the name of a material
         kept = [k for k, cell in enumerate(cells) if is_number(cell) or plain(names[k]) in NEEDED]
         if len(kept) < len(names):
