@@ -54,6 +54,10 @@ class Criterion(eqx.Module):
         """Whether each bond breaks, seen from the point to which it belongs. The value for padding is ignored."""
         raise NotImplementedError(f"{type(self).__name__} defines no exceeded(model, families, bonds)")
 
+    def limit(self, families: Families) -> Array | None:
+        """The critical stretch, one number or one for each bond, if the criterion is one; else None."""
+        return None
+
     def check(self, model: AbstractModel, families: Families) -> None:
         """Raise ValueError if the criterion cannot serve the model, or its arrays do not belong to this body."""
         why = self.refusal(model)

@@ -70,11 +70,16 @@ class CriticalStretch(Criterion):
                 f" {self.stretch.shape}"
             )
 
-    def exceeded(self, model: AbstractModel, families: Families, bonds: Bonds) -> Bool[Array, "points bonds"]:
-        limit = self.stretch
+    def limit(self, families: Families) -> Array:
+        limit, ends = self.stretch, families.neighbours
         if limit.ndim:
-            limit = jnp.minimum(limit[:, None], limit[families.neighbours])
-        return stretch_minus_one(bonds.xi, bonds.eta) > limit
+            limit = jnp.minimum(limit[:, None], limit[ends])
+        if self.no_fail is not None:
+            limit = jnp.where(self.no_fail[:, None] | self.no_fail[ends], jnp.inf, limit)
+        return limit
+
+    def exceeded(self, model: AbstractModel, families: Families, bonds: Bonds) -> Bool[Array, "points bonds"]:
+        return stretch_minus_one(bonds.xi, bonds.eta) > self.limit(families)
 
     @staticmethod
     @public_function

@@ -54,12 +54,22 @@ def all_alive(scene: Scene) -> Bool[Array, "points bonds"]:
     return scene.families.weight > 0
 
 
-def breaking_now(
-    scene: Scene, criterion: Criterion, u: Float[Array, "points dim"], alive: Bool[Array, "points bonds"]
-) -> Bool[Array, "points bonds"]:
-    """The bonds that break at u, of those that are alive."""
-    families = scene.families.with_broken(~alive)
-    return exceeding(criterion, scene.model, families, u, None)
+def pulled(
+    scene: Scene, criterion: Criterion, u: Float[Array, "points dim"], factor: Array, alive: Bool[Array, "points bonds"]
+) -> tuple[Float[Array, "points dim"], Bool[Array, "points bonds"]]:
+    """V (f + λ b) of the bonds that are alive, and those of them that exceed the criterion at u.
+
+    `scene` has the operator of `with_padded_force`. For a critical stretch both come from one loop over the bonds.
+    """
+    assert scene.operator is not None
+    limit = criterion.limit(scene.families)
+    both = None if limit is None else scene.operator.backend.breaking(scene.model, u, alive, limit)
+    if both is not None:
+        f, hit = both
+        return scene.families.volumes[:, None] * (f + factor * scene.load), hit
+    backend = scene.operator.backend.broken(scene.model, alive)
+    force = eqx.tree_at(lambda s: s.operator.backend, scene, backend).unbalanced(u, factor)
+    return force, exceeding(criterion, scene.model, scene.families.with_broken(~alive), u, None)
 
 
 def drop(

@@ -219,7 +219,7 @@ class Motion(eqx.Module):
             return on_device(_factors(self.schedule, t))
         return _in_one_program(self.schedule, on_device(t))
 
-    def force(self, u: Float[Array, "points dim"], factor, alive=None) -> Float[Array, "points dim"]:
+    def force(self, u: Float[Array, "points dim"], factor) -> Float[Array, "points dim"]:
         """Compute the unbalanced force V (f + λ b) on every point.
 
         Parameters
@@ -228,20 +228,13 @@ class Motion(eqx.Module):
             Displacements [length].
         factor : float or array, shape ()
             Load factor λ [-].
-        alive : array of bool, shape (points, bonds), optional
-            Bonds that have not broken, for a prepared motion with `breaking`. Default: all.
 
         Returns
         -------
         array, shape (points, dim)
             V (f + λ b) [force]. On held components it is minus the reaction.
         """
-        scene = self.scene
-        if alive is not None:
-            assert scene.operator is not None
-            backend = scene.operator.backend.broken(scene.model, alive)
-            scene = eqx.tree_at(lambda s: s.operator.backend, scene, backend)
-        return scene.unbalanced(u, factor)
+        return self.scene.unbalanced(u, factor)
 
 
 def _density(density: object, points: int, dtype: DTypeLike) -> Array:

@@ -31,7 +31,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from ..._internal.checks import Numbers, namespace, on_device, on_host
 from ...force.fields import strain_energy
-from .breaking import all_alive, breaking_now, drop
+from .breaking import all_alive, drop, pulled, with_padded_force
 from .system import Hold, Motion
 
 
@@ -39,7 +39,8 @@ class State(NamedTuple):
     """State of a motion: step number, u and v (points, dim), V (f + λ b) (points, dim), works [energy].
 
     `finite` is True as long as all values have been finite. `alive` (points, bonds) tells which bonds have not broken,
-    and `released` is the energy of those that have. `alive` is None if no bond can break.
+    `dying` which of them break in the next step, and `released` is the energy of those that have broken. `alive` and
+    `dying` are None if no bond can break.
     """
 
     step: Int[Array, ""]
@@ -52,6 +53,7 @@ class State(NamedTuple):
     finite: Bool[Array, ""]
     released: Float[Array, ""] | float = 0.0
     alive: Bool[Array, "points bonds"] | None = None
+    dying: Bool[Array, "points bonds"] | None = None
 
 
 class Energies(NamedTuple):
@@ -110,12 +112,15 @@ class Energies(NamedTuple):
 def initial_state(motion: Motion) -> State:
     """The state at t = 0."""
     zero = jnp.zeros((), motion.start.dtype)
-    motion = motion if motion.breaking is None else motion.prepared()
-    alive = None if motion.breaking is None else all_alive(motion.scene)
-    force = motion.force(motion.start, motion.factor(zero)[0], alive)
+    alive = dying = None
+    if motion.breaking is None:
+        force = motion.force(motion.start, motion.factor(zero)[0])
+    else:
+        scene, alive = with_padded_force(motion.scene), all_alive(motion.scene)
+        force, dying = pulled(scene, motion.breaking, motion.start, motion.factor(zero)[0], alive)
     finite = jnp.isfinite(force).all()
     number = jnp.zeros((), jnp.int32)
-    return State(number, motion.start, motion.velocity, force, zero, zero, zero, finite, zero, alive)
+    return State(number, motion.start, motion.velocity, force, zero, zero, zero, finite, zero, alive, dying)
 
 
 def before_start(motion: Motion) -> State:
@@ -127,8 +132,9 @@ def before_start(motion: Motion) -> State:
     dtype = motion.start.dtype
     zero, force = np.zeros((), dtype), np.zeros(motion.start.shape, dtype)
     alive = None if motion.breaking is None else np.asarray(motion.scene.families.weight) > 0
-    state: tuple = (np.int32(-1), motion.start, motion.velocity, force, zero, zero, zero, np.asarray(True), zero, alive)
-    return State(*state)
+    dying = None if alive is None else np.zeros_like(alive)
+    parts: tuple = (np.int32(-1), motion.start, motion.velocity, force, zero, zero, zero, np.asarray(True), zero)
+    return State(*parts, alive, dying)  # type: ignore[call-arg]
 
 
 def _work_of_mean(motion: Motion, u: Array, factor: Array, change: Array) -> Array:
@@ -152,13 +158,13 @@ def step(motion: Motion, state: State, dt: Float[Array, ""]) -> State:
     after, rate = motion.factor((state.step + 1) * dt)
     half = (1 - c) * state.v + 0.5 * dt * state.force / mass
     u = jnp.where(free, state.u + dt * half, after * motion.scene.prescribed)
-    alive, released = state.alive, state.released
-    if motion.breaking is not None and alive is not None:
-        # A step of length zero, before the start, breaks nothing.
-        dying = breaking_now(motion.scene, motion.breaking, state.u, alive) & (dt > 0)
+    alive, dying, released = state.alive, state.dying, state.released
+    if motion.breaking is None or alive is None or dying is None:
+        force = motion.force(u, after)
+    else:
         released = released + drop(motion.scene, 0.5 * (state.u + u), alive, dying)
         alive = alive & ~dying
-    force = motion.force(u, after, alive)
+        force, dying = pulled(motion.scene, motion.breaking, u, after, alive)
     v = jnp.where(free, (half + 0.5 * dt * force / mass) / (1 + c), rate * motion.scene.prescribed)
     moved = u - state.u
     pushed = -0.5 * jnp.sum(jnp.where(free, 0.0, (state.force + force) * moved))
@@ -180,6 +186,7 @@ def step(motion: Motion, state: State, dt: Float[Array, ""]) -> State:
         finite,
         released,
         alive,
+        dying,
     )
     return jax.tree.map(lambda old, x: jnp.where(finite, x, old), state._replace(finite=finite), new)
 

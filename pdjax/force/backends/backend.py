@@ -30,6 +30,15 @@ class Backend(eqx.Module):
         """The backend of the body with these bonds alone. Reference sums stay those of the intact family."""
         raise NotImplementedError(f"the backend {type(self).__name__} evaluates no broken bonds")
 
+    def breaking(
+        self, model: AbstractModel, u: Float[Array, "points dim"], alive: Bool[Array, "points bonds"], limit: Array
+    ) -> tuple[Float[Array, "points dim"], Bool[Array, "points bonds"]] | None:
+        """f of the bonds that are alive, and those that are stretched above `limit`, in one loop over the bonds.
+
+        None if this backend or model has no such loop.
+        """
+        return None
+
     @abstractmethod
     def force(self, model: AbstractModel, u: Float[Array, "points dim"], F: Array | None) -> Float[Array, "points dim"]:
         """f of every point [force/length^dim]. F is a mean deformation gradient or None."""

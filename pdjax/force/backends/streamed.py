@@ -16,7 +16,7 @@ from ...geometry.bonds import Families
 from ...models.base import AbstractModel, PointStateModel
 from ...models.pointwise import split_model
 from .backend import Backend
-from .streaming import reference_moments, reference_sums, streamed_force
+from .streaming import breaks_in_the_loop, reference_moments, reference_sums, streamed_break, streamed_force
 from .traversal import SlotTraversal, Traversal
 
 
@@ -35,6 +35,15 @@ class Streamed(Backend):
         omega = self.traversal.omega * left
         traversal = eqx.tree_at(lambda t: (t.omega, t.back), self.traversal, (omega, back), is_leaf=lambda x: x is None)
         return eqx.tree_at(lambda b: b.traversal, self, traversal)
+
+    def breaking(
+        self, model: AbstractModel, u: Float[Array, "points dim"], alive: Bool[Array, "points bonds"], limit: Array
+    ) -> tuple[Float[Array, "points dim"], Bool[Array, "points bonds"]] | None:
+        """f and the bonds above the limit; see `Backend.breaking`."""
+        split = split_model(model, len(u))
+        if not (isinstance(self.traversal, SlotTraversal) and breaks_in_the_loop(model, split, self.traversal)):
+            return None
+        return streamed_break(split, self.traversal, self.reference, u, self.horizon, alive, limit)
 
     def force(self, model: AbstractModel, u: Float[Array, "points dim"], F: Array | None) -> Float[Array, "points dim"]:
         """f of every point; see `Backend.force`."""

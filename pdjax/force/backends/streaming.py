@@ -22,13 +22,13 @@ import jax.numpy as jnp
 import numpy as np
 from jax.tree_util import PyTreeDef
 from jax.typing import DTypeLike
-from jaxtyping import Array, Float, PyTree
+from jaxtyping import Array, Bool, Float, PyTree
 
 from ...geometry.bonds import Bonds
 from ...models.base import AbstractModel, PointStateModel, Sums
 from ...models.pointwise import directions_of_rest, split_model
 from .components import by_components, join
-from .traversal import LatticeTraversal, Slot, Traversal
+from .traversal import LatticeTraversal, Slot, SlotTraversal, Traversal
 
 
 def _flat(x: Array) -> Array:
@@ -312,3 +312,55 @@ def streamed_force(
 
     zeros = [jnp.zeros_like(traversal.volumes)] * dim
     return traversal.collect(jnp.stack(_over_slots(traversal, body, zeros, pairs)))
+
+
+def breaks_in_the_loop(model: AbstractModel, split: tuple[PyTree, AbstractModel], traversal: Traversal) -> bool:
+    """Whether `streamed_break` serves a model: its bond force is that of the sum of both states."""
+    symmetric = isinstance(traversal, SlotTraversal) and traversal.back is None
+    return model.additive and symmetric and not jax.tree.leaves(split[0])
+
+
+def streamed_break(
+    split: tuple[PyTree, AbstractModel],
+    traversal: SlotTraversal,
+    reference: Array,
+    u: Float[Array, "points dim"],
+    horizon: Array,
+    alive: Bool[Array, "points bonds"],
+    limit: Float[Array, "..."],
+) -> tuple[Float[Array, "points dim"], Bool[Array, "points bonds"]]:
+    """f of the bonds that are alive, and which of them have a stretch above `limit`, from one gathering of every bond.
+
+    `limit` is one critical stretch s₀, or one for each bond (points, bonds). |ξ + η| > (1 + s₀)|ξ| is the same as
+    (2ξ + η)·η > s₀(2 + s₀)|ξ|², which has no root and no cancellation.
+    """
+    dim, dtype = u.shape[1], traversal.volumes.dtype
+    varying = _Varying(split, traversal)
+    model, live = varying.single(), alive.T
+    traversal = eqx.tree_at(lambda t: t.omega, traversal, jnp.where(live, traversal.omega, 0))
+    U = traversal.embed(u.astype(dtype))
+    deformed = _sum_moments(varying, traversal, 1, U, None, horizon)
+    structure, shapes, rows = _states(model, varying.model, [], dim, dtype, (reference, deformed), horizon)
+    states = _rows(traversal, jnp.stack(rows)) if rows else []
+    opened, volumes = _rows(traversal, U), traversal.open(traversal.volumes)
+    limits = limit.T if limit.ndim else jnp.broadcast_to(limit, (live.shape[0],))
+
+    def force(leaves, here, there, bond):
+        return varying.model(leaves).bond_force(here, there, bond)
+
+    @partial(jax.checkpoint, prevent_cse=False)
+    def one(total, numbers):
+        number, left, most = numbers
+        slot = traversal.slot(number)
+        bond = _bond(traversal, opened, opened, None, slot, volumes, horizon)
+        summed = [a + traversal.far(a, slot) for a in states]
+        both = _trees(structure, shapes, summed)
+        t = by_components(force, dtype, traversal.one, traversal.dear(*bond.eta, *summed))([], both, both, bond)
+        weight = bond.volume[()] * (1.0 if shapes else 2.0)
+        grown = sum((2 * a + b) * b for a, b in zip(bond.xi, bond.eta, strict=True))
+        square = sum(a * a for a in bond.xi)
+        return [a + weight * x for a, x in zip(total, t, strict=True)], left & (grown > most * (2 + most) * square)
+
+    start = [jnp.zeros_like(traversal.volumes)] * dim
+    total, hit = jax.lax.scan(one, start, (jnp.arange(live.shape[0]), live, limits))
+    return traversal.collect(jnp.stack(total)), hit.T
