@@ -133,8 +133,7 @@ def run(arguments: argparse.Namespace) -> Job:
 def _files(name: str, body: "Points", data: "PointData", state: "Audit") -> str:
     import pdjax as pd
 
-    sets = data.sets or None
-    file = pd.export.write_vtk(body, path=name, fields=state.fields, sets=sets)
+    file = pd.export.write_vtk(body, path=name, fields=state.fields, sets=data.sets)
     return f"wrote {file}{_picture(name, body, lambda: pd.figures.audit(body, state))}"
 
 
@@ -145,8 +144,7 @@ def _files_of_run(
 
     shared = set.intersection(*(set(each) for each in fields))
     columns = {key: np.stack([each[key] for each in fields]) for key in fields[0] if key in shared}
-    sets = data.sets or None
-    file = pd.export.write_vtk(body, path=f"{name}.pvd", fields=columns, times=series.times, sets=sets)
+    file = pd.export.write_vtk(body, path=f"{name}.pvd", fields=columns, times=series.times, sets=data.sets)
     write_picture(pd.figures.audit_states(series), Path(f"{name}.png"))
     worst = series.first_audit or series.last_audit
     return f"wrote {file}, {name}.png{_picture(name + '-worst', body, lambda: pd.figures.audit(body, worst))}"

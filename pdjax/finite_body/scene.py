@@ -150,10 +150,15 @@ class Scene(eqx.Module):
         eye = xp.eye(mean.shape[0], dtype=mean.dtype)
         return on_device(eye + factor * (mean - eye))
 
-    def prepared(self) -> "Scene":
+    def prepared(self, way: str = "auto") -> "Scene":
         """Copy the scene with a prepared force operator, for loops of many force evaluations.
 
         The operator holds every part of the force that does not depend on the displacement.
+
+        Parameters
+        ----------
+        way : str, optional
+            Backend of the force, see `force_operator`.
 
         Returns
         -------
@@ -168,7 +173,7 @@ class Scene(eqx.Module):
         >>> pair.operator is None, pair.prepared().operator is None
         (True, False)
         """
-        operator = force_operator(self.model, self.families, mean=self.mean is not None)
+        operator = force_operator(self.model, self.families, way, mean=self.mean is not None)
         return eqx.tree_at(lambda s: s.operator, self, operator, is_leaf=lambda x: x is None)
 
     def unbalanced(self, u: Float[Numbers, "points dim"], factor=1.0) -> Float[Array, "points dim"]:

@@ -24,10 +24,7 @@ def margins(model: AbstractModel, family: LatticeFamily, F: np.ndarray) -> tuple
     starts = range(0, len(F), STATES)
     if not (has_series(model) and model.hyperelastic):
         parts = [outcomes("symbol", model, family, F[at : at + STATES], zone) for at in starts]
-        margin, scale = (
-            np.concatenate([np.asarray(x) for x in every])
-            for every in zip(*((p.margin, p.scale) for p in parts), strict=True)
-        )
+        margin, scale = (np.concatenate([np.asarray(getattr(p, name)) for p in parts]) for name in ("margin", "scale"))
     else:
         blocks = np.concatenate([linearised_now(model, family, F[at : at + STATES]) for at in starts])
         states = States(blocks, offsets_of(model, family), resting_modulus(model, family), float(family.spacing))

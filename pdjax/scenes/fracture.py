@@ -19,6 +19,7 @@ import numpy as np
 
 from ..finite_body.dynamics.system import Motion, motion
 from ..finite_body.scene import scene
+from ..geometry.bonds import lattice_family
 from ..geometry.neighbour_search import families
 from ..geometry.points import bar
 from ..models.bond_based import BondBased
@@ -84,10 +85,7 @@ def spall_bar(n: int = 300, N: float = 3, flyer: float = 1 / 3, strain: float = 
     h = 1.0 / n
     body = bar(n, 1.0)
     own = families(body, N * h)
-    model = BondBased.from_bulk(1.0, N * h, dim=1)
-    # On a lattice the modulus of the interior is c Σ V |ξ|/2 and not that of a full interval.
-    offsets = np.arange(1, int(N * (1 + 1e-9)) + 1) * h
-    model = BondBased(model.c / (np.asarray(model.c) * h * offsets.sum()))
+    model = BondBased.from_family(1.0, lattice_family(1, N, h))
     x = body.positions[:, 0]
     velocity = strain * (1 - np.tanh((x - flyer) / (FRONT * N * h)))[:, None]
     expected = Spall(1 - flyer, 1.0, strain)

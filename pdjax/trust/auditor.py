@@ -6,7 +6,7 @@ from ..finite_body.free_spectrum import FreeSpectrum, free_spectrum
 from ..geometry.bonds import Families
 from ..models.base import AbstractModel
 from ..models.control import micromodulus
-from .checks import BODY_CHECKS, POINT_CHECKS, Evidence, Forces
+from .checks import BODY_CHECKS, POINT_CHECKS, Evidence, Forces, PointCheck
 from .own_lattice import Material, OwnLattice, materials, own_lattice, own_lattice_family
 from .point_measures import PointMeasures, alternation, point_measures
 from .verdict import Audit, Finding, Place
@@ -69,6 +69,11 @@ class Auditor:
         volumes, size, clamped = self.volumes, self.size, self.clamped
         return Evidence(points, lattice, body, roughness, forces, volumes, size, dim, clamped, supported)
 
+    def scores(self, evidence: Evidence) -> dict[PointCheck, np.ndarray]:
+        """The scores (points,) of all checks of points that had something to read."""
+        found = {check: check.score(evidence) for check in POINT_CHECKS}
+        return {check: score for check, score in found.items() if score is not None}
+
     def judged(
         self,
         u: np.ndarray,
@@ -80,12 +85,8 @@ class Auditor:
     ) -> Audit:
         """The verdict on what was measured."""
         evidence = self.evidence(points, lattice, body, forces)
-        findings, scores = [], {}
-        for check in POINT_CHECKS:
-            score = check.score(evidence)
-            if score is None:
-                continue
-            scores[check] = score
+        findings, scores = [], self.scores(evidence)
+        for check, score in scores.items():
             worst, total = int(np.argmax(score)), check.of_state(score, self.bonds)
             if total >= 1:
                 words = f"point {worst}: {check.words(evidence, worst)}"

@@ -184,7 +184,7 @@ def point_measures(
     number or one for each point.
     """
     points, dim = u.shape
-    H, d = np.zeros((points, dim, dim)), np.zeros((points, dim))
+    H, stretch, d = np.zeros((points, dim, dim)), np.zeros((points, dim, dim)), np.zeros((points, dim))
     ratio, D2, S, size = (np.zeros(points) for _ in range(4))
     mean = 0.0 if F is None else np.asarray(F, float) - np.eye(dim)
     eps = float(np.finfo(u.dtype).eps)
@@ -200,13 +200,13 @@ def point_measures(
         K = np.where(sound[:, None, None], K, np.eye(dim))
         gradient = np.where(sound[:, None, None], (eta.mT @ wxi) @ np.linalg.inv(K), 0.0)
         z = np.where(sound[:, None, None], eta - part.xi @ gradient.mT, 0.0)
-        H[part.rows] = gradient
+        grown = right_stretch(gradient)
+        H[part.rows], stretch[part.rows] = gradient, grown
         D2[part.rows] = (part.w * (z**2).sum(axis=-1)).sum(axis=1)
         total = part.w.sum(axis=1)
         d[part.rows] = (part.w[..., None] * z).sum(axis=1) / np.where(total != 0, total, 1.0)[:, None]
         size[part.rows] = np.trace(K, axis1=1, axis2=2)
-        S[part.rows] = np.einsum("pij,pjk,pik->p", right_stretch(gradient), K, right_stretch(gradient))
-    stretch = right_stretch(H)
+        S[part.rows] = np.einsum("pij,pjk,pik->p", grown, K, grown)
     noise = (64 * eps * (1 + np.abs(u).max(initial=0.0) / np.asarray(families.horizon))) ** 2
     P = 0.5 * stiffness * D2
     W = _energy_of_stretch(model, families, stretch)

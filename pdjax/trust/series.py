@@ -201,13 +201,9 @@ def audit_states(
             auditor = Auditor(model, families, held_components(held, families))
         points = auditor.measures(u, None)
         lattice = auditor.lattice(points, path=False) if margins else None
-        evidence = auditor.evidence(points, lattice)
-        scores = [check.score(evidence) for check in POINT_CHECKS]
+        scores = auditor.scores(auditor.evidence(points, lattice))
         rows.append(
-            [
-                0.0 if s is None else check.of_state(s, auditor.bonds)
-                for check, s in zip(POINT_CHECKS, scores, strict=True)
-            ]
+            [check.of_state(scores[check], auditor.bonds) if check in scores else 0.0 for check in POINT_CHECKS]
         )
         worst = max(rows[-1])
         doubtful = number if doubtful is None and worst >= 1 else doubtful

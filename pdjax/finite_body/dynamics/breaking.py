@@ -21,7 +21,6 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from ...force.fields import energies
-from ...force.operator import force_operator
 from ..damage.criteria import Criterion, exceeding
 from ..scene import Scene
 
@@ -43,12 +42,6 @@ def check_breaking(criterion: object, scene: Scene) -> None:
     criterion.check(scene.model, scene.families)
 
 
-def with_padded_force(scene: Scene) -> Scene:
-    """The scene with a force operator on padded arrays, whose bonds can break."""
-    operator = force_operator(scene.model, scene.families, way="families")
-    return eqx.tree_at(lambda s: s.operator, scene, operator, is_leaf=lambda x: x is None)
-
-
 def all_alive(scene: Scene) -> Bool[Array, "points bonds"]:
     """The bonds of a body before any has broken: those with a weight."""
     return scene.families.weight > 0
@@ -59,7 +52,8 @@ def pulled(
 ) -> tuple[Float[Array, "points dim"], Bool[Array, "points bonds"]]:
     """V (f + λ b) of the bonds that are alive, and those of them that exceed the criterion at u.
 
-    `scene` has the operator of `with_padded_force`. For a critical stretch both come from one loop over the bonds.
+    `scene` is prepared on padded arrays, with the way "families". For a critical stretch both come from one loop over
+    the bonds.
     """
     assert scene.operator is not None
     limit = criterion.limit(scene.families)

@@ -22,7 +22,6 @@ from ..._internal.public import public_function
 from ...force.fields import point_field
 from ..damage.criteria import Criterion
 from ..scene import Scene
-from .breaking import with_padded_force
 
 Schedule = Callable[[Array], ArrayLike]  # the load factor λ as a function of the time
 
@@ -196,8 +195,8 @@ class Motion(eqx.Module):
         Motion
             The motion, whose scene holds the part of the force that does not depend on u.
         """
-        scene = self.scene.prepared() if self.breaking is None else with_padded_force(self.scene)
-        return eqx.tree_at(lambda m: m.scene, self, scene)
+        way = "auto" if self.breaking is None else "families"  # bonds break on padded arrays
+        return eqx.tree_at(lambda m: m.scene, self, self.scene.prepared(way))
 
     def factor(self, t) -> tuple[Array, Array]:
         """Compute the load factor and its rate at a time.

@@ -31,7 +31,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from ..._internal.checks import Numbers, namespace, on_device, on_host
 from ...force.fields import strain_energy
-from .breaking import all_alive, drop, pulled, with_padded_force
+from .breaking import all_alive, drop, pulled
 from .system import Hold, Motion
 
 
@@ -116,8 +116,8 @@ def initial_state(motion: Motion) -> State:
     if motion.breaking is None:
         force = motion.force(motion.start, motion.factor(zero)[0])
     else:
-        scene, alive = with_padded_force(motion.scene), all_alive(motion.scene)
-        force, dying = pulled(scene, motion.breaking, motion.start, motion.factor(zero)[0], alive)
+        alive = all_alive(motion.scene)
+        force, dying = pulled(motion.prepared().scene, motion.breaking, motion.start, motion.factor(zero)[0], alive)
     finite = jnp.isfinite(force).all()
     number = jnp.zeros((), jnp.int32)
     return State(number, motion.start, motion.velocity, force, zero, zero, zero, finite, zero, alive, dying)
@@ -227,12 +227,13 @@ def energies(motion: Motion, state: State, dt: Float[Array, ""]) -> Energies:
     """The energy budget of one state."""
     scene = motion.scene
     kinetic = 0.5 * jnp.sum(jnp.where(motion.free, motion.mass * state.v**2, 0.0))
+    released = jnp.asarray(state.released, kinetic.dtype)
     strain = jnp.full_like(kinetic, jnp.nan)
     if scene.model.hyperelastic:
         factor, _ = motion.factor(state.step * dt)
         families = scene.families if state.alive is None else scene.families.with_broken(~state.alive)
         strain = strain_energy(scene.model, families, state.u, scene.mean_deformation(factor))
-    return Energies(kinetic, strain, state.supports, state.loads, state.dissipated, state.released + 0 * kinetic)
+    return Energies(kinetic, strain, state.supports, state.loads, state.dissipated, released)
 
 
 def borrowed(motion: Motion, state: State, dt: Float[Array, ""]) -> tuple[Array, Array]:

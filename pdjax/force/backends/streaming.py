@@ -15,6 +15,7 @@ configuration alone.
 
 from collections.abc import Callable
 from functools import partial
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -259,6 +260,21 @@ def state_rows(model: PointStateModel, dim: int, dtype: DTypeLike, sums: tuple[A
     return _states(model, lambda leaves: model, [], dim, dtype, sums, horizon)[2]
 
 
+def _pull_of_both(
+    force: Callable, own: list, traversal: Traversal, states: tuple, here: list[Array], slot: Slot, bond: Bonds
+) -> tuple[Any, Any]:
+    """The weight and the force of the bonds of one slot, where a bond has the force of the sum of both states.
+
+    `states` are the structure, the shapes and the rows of the states, and `here` their rows at the points.
+    """
+    structure, shapes, rows = states
+    summed = [a + traversal.far(x, slot) for a, x in zip(here, rows, strict=True)]
+    both = _trees(structure, shapes, summed)
+    dear = traversal.dear(*bond.eta, *summed)
+    total = by_components(force, traversal.volumes.dtype, traversal.one, dear)(own, both, both, bond)
+    return bond.volume[()] * (1.0 if shapes else 2.0), total
+
+
 def streamed_force(
     split: tuple[PyTree, AbstractModel],
     traversal: Traversal,
@@ -290,18 +306,12 @@ def streamed_force(
 
     def body(slot):
         bond = _bond(traversal, opened, u_here, gradient, slot, volumes, horizon)
-        a_far = [traversal.far(x, slot) for x in states]
         if alike:
-            summed = [a + b for a, b in zip(a_here, a_far, strict=True)]
-            both = _trees(structure, shapes, summed)
-            total = by_components(force, dtype, traversal.one, traversal.dear(*bond.eta, *summed))(
-                mine, both, both, bond
-            )
-            weight = bond.volume[()] * (1.0 if shapes else 2.0)
+            weight, total = _pull_of_both(force, mine, traversal, (structure, shapes, states), a_here, slot, bond)
             if pairs:
                 weight = weight * traversal.filled
             return [weight * x for x in total]
-        there = _trees(structure, shapes, a_far)
+        there = _trees(structure, shapes, [traversal.far(x, slot) for x in states])
         yours = varying.components(lambda x: traversal.far(x, slot))
         omega = slot.omega if slot.back is None else slot.back
         theirs = bond.horizon if horizon.ndim == 0 else _one(traversal.far(horizon, slot))
@@ -353,10 +363,7 @@ def streamed_break(
         number, left, most = numbers
         slot = traversal.slot(number)
         bond = _bond(traversal, opened, opened, None, slot, volumes, horizon)
-        summed = [a + traversal.far(a, slot) for a in states]
-        both = _trees(structure, shapes, summed)
-        t = by_components(force, dtype, traversal.one, traversal.dear(*bond.eta, *summed))([], both, both, bond)
-        weight = bond.volume[()] * (1.0 if shapes else 2.0)
+        weight, t = _pull_of_both(force, [], traversal, (structure, shapes, states), states, slot, bond)
         grown = sum((2 * a + b) * b for a, b in zip(bond.xi, bond.eta, strict=True))
         square = sum(a * a for a in bond.xi)
         return [a + weight * x for a, x in zip(total, t, strict=True)], left & (grown > most * (2 + most) * square)
