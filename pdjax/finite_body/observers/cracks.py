@@ -24,7 +24,7 @@ def damage_of(scene: Scene, now: Snapshot) -> Float[Array, " points"]:
     w = families.influence * families.weight * families.volumes[families.neighbours]
     alive = families.weight > 0 if now.alive is None else now.alive
     total = jnp.sum(w, axis=1)
-    return 1 - jnp.sum(jnp.where(alive, w, 0), axis=1) / jnp.where(total > 0, total, 1)
+    return 1 - jnp.sum(alive * w, axis=1) / jnp.where(total > 0, total, 1)
 
 
 class Damage(eqx.Module):

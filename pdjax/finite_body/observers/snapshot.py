@@ -24,7 +24,8 @@ class Snapshot(NamedTuple):
     force : array, shape (points, dim)
         V (f + λ b) [force]: internal and body forces. On held components it is minus the reaction.
     alive : array of bool, shape (points, bonds), or None
-        Bonds that have not broken. None if no bond can break.
+        Bonds that have not broken. With a smooth criterion: the share of each bond that is left [-], float. None if no
+        bond can break.
 
     Examples
     --------
@@ -42,7 +43,7 @@ class Snapshot(NamedTuple):
     u: Float[Numbers, "points dim"]
     v: Float[Numbers, "points dim"]
     force: Float[Numbers, "points dim"]
-    alive: Bool[Numbers, "points bonds"] | None = None
+    alive: Bool[Numbers, "points bonds"] | Float[Numbers, "points bonds"] | None = None
 
 
 @runtime_checkable
