@@ -166,7 +166,7 @@ def crack_area(families: Families, broken: ArrayLike) -> float:
 
     Examples
     --------
-    A cut through a plate of 12 × 9 points, away from its sides, has the area 4:
+    A cut through a plate of height 9, periodic in y, has the area 9:
 
     >>> families = pd.families(pd.lattice((12, 9), periodic=(False, True)), horizon=2.0)
     >>> broken = np.asarray(pd.cut(families, pd.Plane((6.0, 0.0), (1.0, 0.0))).weight) < np.asarray(families.weight)
