@@ -9,7 +9,7 @@ up, and branches.
 The stress is a body force on the outermost row of points, σ/h. The bonds of the points within a horizon of the long
 sides do not break: otherwise the body force would tear the row off.
 
-**What is expected.** These ranges were fixed before the first run, from values that later papers quote and from figures:
+**What is expected.** These ranges were fixed before the first run, from figures and from quoted values:
 
     speed    below the Rayleigh speed c_R (Freund 1990); the largest between 0.45 and 0.7 c_R. Bowden et al. 1967
              measured at most 1580 m/s = 0.52 c_R in this glass. Phase fields stay below 0.6 c_R (Borden et al. 2012)
