@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from ..finite_body.dynamics.history import History
 from ..geometry.points import Points
 from .charts import SERIES
-from .fields import on_page, outlines, paint
+from .fields import outlines, paint
 
 ENERGIES = ("kinetic", "strain", "released")
 
@@ -40,8 +40,8 @@ def crack(
     damage : str, optional
         Name of that observer. Default "damage".
     tips : dict of str to array, shape (saves,), optional
-        Distances [length] that crack tips have grown, by name, such as values of `observers.crack_tip`. Without them the
-        number of broken bonds is drawn.
+        Distances [length] that crack tips have grown, by name, such as values of `observers.crack_tip`. Default: the
+        number of broken bonds is drawn instead.
     title : str, optional
         Title of the figure.
 
@@ -75,9 +75,9 @@ def crack(
         )
     shown = np.asarray(history.observed[damage])[-1]
     X, times = points.positions, np.asarray(history.times)
-    upright = points.dim == 2 and np.ptp(X[:, 1]) > np.ptp(X[:, 0])
+    upright = points.dim == 2 and bool(np.ptp(X[:, 1]) > np.ptp(X[:, 0]))
     figure = Figure(figsize=(9.6, 6.0) if upright else (8.0, 6.8), layout="constrained")
-    places = [["field", "way"], ["field", "energy"]] if upright else [["field", "field"], ["way", "energy"]]
+    places: Any = [["field", "way"], ["field", "energy"]] if upright else [["field", "field"], ["way", "energy"]]
     axes: Any = figure.subplot_mosaic(places, height_ratios=[1, 1] if upright else [1.35, 1])
     if points.dim == 1:
         order = np.argsort(X[:, 0])
@@ -85,8 +85,15 @@ def crack(
         axes["field"].set(xlabel="position x  [length]", ylabel="damage φ  [-]", ylim=(-0.02, 1.02))
     else:
         tiles = outlines(points, X, np.ones(len(points), bool), (0, 1))
-        wide = not upright and on_page(np.ptp(X, axis=0))[1][0] > 4.0
-        paint(axes["field"], tiles, shown, "damage φ  [-]", (0, 1), wide, limits=(0.0, max(float(shown.max()), 0.5)))
+        paint(
+            axes["field"],
+            tiles,
+            shown,
+            "damage φ  [-]",
+            (0, 1),
+            not upright,
+            limits=(0.0, max(float(shown.max()), 0.5)),
+        )
     axes["field"].set_title(title, fontsize=10)
     if tips:
         for (name, tip), colour in zip(tips.items(), SERIES, strict=False):

@@ -4,8 +4,9 @@
     area       A = Σ_broken V_i V_j / P     P: bonds per area times V² of a plane, see `pdjax.geometry.plane_sums`
     speed      the slope of the straight line that fits the position of the tip within a window of time
     angle      the direction of the straight line that fits the path, by total least squares
-    branches   the path is cut into sections along the direction of growth. Gaps in the positions across that are wider
-               than a horizon divide a section. The crack branches where the first section of two groups begins
+    branches   the path is cut into sections along the direction of growth, one horizon long. Gaps in the positions
+               across that are wider than half a horizon divide a section. The crack branches where the first two
+               consecutive sections that are divided begin
 
 A crack of N bonds on a lattice has a width of up to two horizons, so none of these numbers is more exact than a
 fraction of the horizon. A has the exact value for a plane at right angles to an axis of a lattice. It counts all broken
@@ -292,8 +293,8 @@ def crack_branching(
     direction : array, shape (2,)
         Direction of growth, of any length > 0.
     width : float
-        Length of a section along the direction, and the gap across it that separates two cracks [length]. Take the
-        horizon.
+        Length of a section along the direction, and twice the gap across it that separates two cracks [length]. Take
+        the horizon.
     reach : float, optional
         Length [length] beyond the place of branching within which straight lines are fitted to the outermost
         branches. Default: the whole branches.
@@ -332,10 +333,11 @@ def crack_branching(
     number = np.floor(ahead / width).astype(int)
     last = int(number.max(initial=-1))
     sections = width * (np.arange(last + 1) + 0.5)
-    counts = np.array([_groups(across[number == k], width) for k in range(last + 1)], dtype=int)
-    if not (counts > 1).any():
+    counts = np.array([_groups(across[number == k], width / 2) for k in range(last + 1)], dtype=int)
+    divided = (counts[:-1] > 1) & (counts[1:] > 1)
+    if not divided.any():
         return Branching(np.inf, np.nan, sections, counts)
-    first = int(np.argmax(counts > 1))
+    first = int(np.argmax(divided))
     distance = width * first
     middle = np.median(across[number == max(first - 1, 0)]) if first else 0.0
     inside = (ahead >= distance) & (ahead < distance + reach)

@@ -100,6 +100,12 @@ def kalthoff(
     ValueError
         If an argument is out of range, or the fracture energy of the model has no closed form.
 
+    Notes
+    -----
+    Take a time step of at most 0.2 of the critical one. A run looks once a step which bonds exceed the critical
+    stretch. With larger steps they break late, and the fracture energy is too large, see
+    `pdjax.studies.running_cracks`.
+
     References
     ----------
     Kalthoff & Winkler 1987; Kalthoff 2000; Silling 2003; Borden et al. 2012.

@@ -110,6 +110,12 @@ def branching_plate(
     ValueError
         If an argument is out of range, or the fracture energy of the model has no closed form.
 
+    Notes
+    -----
+    Take a time step of at most 0.2 of the critical one. A run looks once a step which bonds exceed the critical
+    stretch. With larger steps they break late, and the fracture energy is too large, see
+    `pdjax.studies.running_cracks`.
+
     References
     ----------
     Ha & Bobaru 2010; Borden et al. 2012; Bleyer et al. 2017; Bowden et al. 1967; Quinn 2019.
