@@ -128,7 +128,7 @@ def draw(found):
     for body in ("glass", "steel"):
         X, damage = kept[f"{body} X"], kept[f"{body} damage"]
         h = float(np.diff(np.unique(X[:, 0].round(9))).min())
-        points = pd.lattice(tuple(np.round((X.max(axis=0) / h + 0.5)).astype(int)), h)
+        points = pd.lattice(tuple(np.round(X.max(axis=0) / h + 0.5).astype(int)), h)
         tiles = outlines(points, 1e3 * points.positions, np.ones(len(X), bool), (0, 1))
         centre = 1e3 * points.positions[:, None]
         tiles = centre + 1e3 * (tiles - centre)  # the outlines of a lattice have the size of its spacing in m

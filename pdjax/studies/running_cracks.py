@@ -157,7 +157,7 @@ def impact(
     cracks = []
     for tip, side in zip(expected.tips, (-1.0, 1.0), strict=True):
         near = path.near(tip, FIT)
-        outside = side * (near.positions[:, 1] - tip[1]) > 0
+        outside = side * (near.positions[:, 1] - tip[1]) > -1e-6 * FIT  # with the bonds along the line of the notch
         mine = CrackPath(near.positions[outside], near.times[outside])
         cracks.append(_one_crack(mine, tip, side, history, WINDOW * out["horizon"] / expected.rayleigh))
     return history, out | {"rayleigh": expected.rayleigh, "cracks": cracks, "expected": {"angle": expected.angle}}

@@ -27,7 +27,7 @@ def test_a_command_says_in_words_what_broke(tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert main(["run", "branching-plate", "--n", "30", "--model", "lps", "--stress", "14"]) == 0
     said = capsys.readouterr().out
-    for words in ("first break at (0.05, 0.0", "Rayleigh speed 3058 m/s", "released", "error", "wrote branching-plate"):
+    for words in ("first break at (0.05", "Rayleigh speed 3058 m/s", "released", "error", "wrote branching-plate"):
         assert words in said
     assert main(["run", "kalthoff", "--n", "24", "--speed", "1"]) == 0
     said = capsys.readouterr().out
