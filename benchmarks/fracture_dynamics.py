@@ -23,6 +23,7 @@ draws the picture again. A quiet machine takes about a quarter of an hour for al
 
 import argparse
 import json
+import tempfile
 import time
 from pathlib import Path
 
@@ -38,7 +39,7 @@ from pdjax.studies import running_cracks
 
 jax.config.update("jax_enable_x64", True)
 RESULTS = Path(__file__).parent / "results" / "fracture_dynamics.json"
-FIELDS = Path("/tmp/pdjax-fracture-dynamics.npz")  # the damage of the drawn runs, between the parts
+FIELDS = Path(tempfile.gettempdir()) / "pdjax-fracture-dynamics.npz"  # the damage of the drawn runs, between the parts
 GLASS = {"young": 72e9, "dim": 2, "plane": "stress"}
 STEEL = {"young": 190e9, "dim": 2, "plane": "strain"}
 DRAWN = {"glass": "branching", "steel": "impact"}
@@ -123,8 +124,9 @@ def steps():
 def draw(found):
     """The two cracks, the way of the tip, and what the time step does."""
     kept = np.load(FIELDS)
-    figure = Figure(figsize=(11.0, 8.4), layout="constrained")
-    axes = figure.subplot_mosaic([["glass", "glass", "steel"], ["way", "steps", "angle"]], height_ratios=[1.3, 1])
+    figure = Figure(figsize=(14.0, 7.6), layout="constrained")
+    places = [["glass", "glass", "glass", "steel"], ["way", "steps", "angle", "steel"]]
+    axes = figure.subplot_mosaic(places, height_ratios=[1.35, 1])
     for body in ("glass", "steel"):
         X, damage = kept[f"{body} X"], kept[f"{body} damage"]
         h = float(np.diff(np.unique(X[:, 0].round(9))).min())
@@ -158,19 +160,24 @@ def draw(found):
     scan.legend(fontsize=8, frameon=False)
     angle = axes["angle"]
     angle.axhspan(65, 72, color="#DCE9F5", label="papers")
-    for share, colour in ((0.2, SERIES[2]), (0.8, SERIES[3])):
-        some = [row for row in rows.values() if row["body"] == "steel" and row["model"] == "bond-based"]
-        some = sorted((r["horizon"], r["cracks"][1]["angle"]) for r in some if r["dt_over_critical"] == share)
-        angle.plot(
-            [1e3 * x for x, _ in some], [y for _, y in some], "o-", color=colour, label=f"bond-based, dt {share:g}"
-        )
+    springs = [row for row in rows.values() if row["body"] == "steel" and row["model"] == "bond-based"]
+    coarse = [row for row in springs if row["dt_over_critical"] == 0.8]
+    fourth = [row for row in springs if row["N"] > 4]
+    for some, look, label in (
+        (steel, "o-", "bond-based"),
+        (fourth, "D", "bond-based, N = 4"),
+        (coarse, "o", "bond-based, dt 0.8"),
+    ):
+        colour = SERIES[3] if some is coarse else SERIES[2]
+        at = [(1e3 * row["horizon"], row["cracks"][1]["angle"]) for row in some]
+        angle.plot(*zip(*at, strict=True), look, color=colour, label=label)
     for row, marker in zip(
         [r for r in rows.values() if r["body"] == "steel" and r["model"] == "lps"], "s^", strict=False
     ):
-        label = f"LPS, ν = {row['poisson']:g}, dt 0.2"
+        label = f"LPS, ν = {row['poisson']:g}"
         angle.plot([1e3 * row["horizon"]], [row["cracks"][1]["angle"]], marker, color=SERIES[4], label=label)
-    angle.set(xlabel="horizon  [mm]", ylabel="angle of the steel cracks  [degree]", xlim=(0, None))
-    angle.legend(fontsize=8, frameon=False)
+    angle.set(xlabel="horizon  [mm]", ylabel="angle of the steel cracks  [degree]", xlim=(0, 9), ylim=(42, 74))
+    angle.legend(fontsize=8, frameon=False, loc="lower left", ncols=2)
     return figure
 
 

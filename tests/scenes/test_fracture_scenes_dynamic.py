@@ -53,6 +53,14 @@ def test_the_plates_have_their_notches_loads_and_constants():
     assert np.asarray(motion.velocity)[hit, 0].min() == pytest.approx(16.5)
 
 
+@pytest.mark.parametrize(("make", "n", "shape"), [("branching_plate", 150, (150, 60)), ("kalthoff", 108, (108, 216))])
+def test_the_notches_are_mirror_images(make, n, shape):
+    """With these numbers of points, rounding would decide about the bonds through the end of the notch."""
+    families = getattr(pd.scenes, make)(n)[0].scene.families
+    lost = ((np.asarray(families.weight) == 0) & np.asarray(families.is_bond)).sum(axis=1).reshape(shape)
+    assert lost.any() and np.array_equal(lost, lost[:, ::-1])
+
+
 def test_the_crack_of_the_glass_plate_starts_at_the_notch_and_stays_below_the_rayleigh_speed(glass):
     _, out = glass
     assert out["finished"] and out["first_break"]["place"] == pytest.approx([0.05, 0.02], abs=0.002)
