@@ -54,6 +54,10 @@ class Criterion(eqx.Module):
         """Whether each bond breaks, seen from the point to which it belongs. The value for padding is ignored."""
         raise NotImplementedError(f"{type(self).__name__} defines no exceeded(model, families, bonds)")
 
+    def overload(self, model: AbstractModel, families: Families, bonds: Bonds) -> Float[Array, "points bonds"] | None:
+        """The measure of each bond over its critical value [-], above 1 where it breaks. None without a measure."""
+        return None
+
     @property
     def smooth(self) -> bool:
         """Whether bonds lose their force gradually, so that `left` gives shares and a run has derivatives."""

@@ -121,6 +121,9 @@ class CriticalBondEnergy(Criterion):
         longer = jnp.sum((2 * bonds.xi + bonds.eta) * bonds.eta, axis=-1) > 0
         return longer & (bond_energies(model, families, bonds) > self.energy)
 
+    def overload(self, model: AbstractModel, families: Families, bonds: Bonds) -> Float[Array, "points bonds"]:
+        return bond_energies(model, families, bonds) / self.energy
+
     @staticmethod
     @public_function
     def from_fracture_energy(

@@ -116,6 +116,9 @@ class CriticalStretch(Criterion):
     def exceeded(self, model: AbstractModel, families: Families, bonds: Bonds) -> Bool[Array, "points bonds"]:
         return stretch_minus_one(bonds.xi, bonds.eta) > self._critical(families)
 
+    def overload(self, model: AbstractModel, families: Families, bonds: Bonds) -> Float[Array, "points bonds"]:
+        return stretch_minus_one(bonds.xi, bonds.eta) / self._critical(families)
+
     def left(self, model, families: Families, u, share):
         if self.smoothing is None:
             return super().left(model, families, u, share)
