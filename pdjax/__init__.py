@@ -17,8 +17,7 @@ critical loads, the equilibria and motions of whole bodies, and the derivatives 
         cell_stability, hydrostatic, uniaxial_strain, uniaxial_stress, simple_shear
     pdjax.finite_body        supports and loads, stability, statics, dynamics and fracture of a body
         prescribe, body_force, total_force, homogeneous_traction, scene, solve, equilibrium_path, body_stability
-        body_spectrum, body_critical_load, motion, simulate, critical_time_step, observers
-        CriticalStretch, CriticalBondEnergy, solve_breaking
+        body_spectrum, body_critical_load, motion, simulate, observers, CriticalStretch, solve_breaking
     pdjax.scenes             problems that are ready to solve, some with a closed form
     pdjax.optimise           design by gradient, and parameters from measured data
         worst_margin, load_cases, dispersion_error, lattice_time_step, design, pareto_front

@@ -25,7 +25,6 @@ import equinox as eqx
 import numpy as np
 from jaxtyping import Bool, Float
 
-from ..._internal.checks import on_device
 from ..._internal.ending import Ending
 from ..._internal.shown import told
 from ...geometry.bonds import Families
@@ -150,7 +149,7 @@ class BreakingPath(eqx.Module):
     @property
     def families(self) -> Families:
         """Families of the body at the end, with the broken bonds."""
-        return self.intact.with_share(on_device(self.alive))
+        return self.intact.with_broken(~self.alive)
 
     @property
     def broken_bonds(self) -> int:

@@ -51,7 +51,7 @@ class Recycled:
         import scipy.sparse.linalg as sla
 
         earlier = self._factor
-        stiffness = as_operator(lambda v: -product(scene, q, factor, v), q.shape[0])
+        stiffness = as_operator(lambda v: -np.asarray(product(scene, q, factor, v)), q.shape[0])
         nearly = sla.LinearOperator(stiffness.shape, matvec=lambda v: -earlier.solve(v), dtype=float)
 
         def solve(b: np.ndarray) -> np.ndarray:
