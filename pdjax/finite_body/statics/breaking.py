@@ -193,8 +193,8 @@ class _Body:
         dying = most_overloaded(self.hit, self.overload, self.scene.families, self.most)
         alive = self.alive & ~dying
         if self.scene.model.has_shape_tensor:
-            before = on_device(self.alive)
-            alive = np.asarray(_fewer(self.scene.model, self.intact.families, before, on_device(alive)))
+            both = on_device((self.alive, alive))
+            alive = np.asarray(_fewer(self.scene.model, self.intact.families, *both))
         gone = self.alive & ~alive
         released = float(released_energy(self.scene.model, self.scene.families, self.u, gone))
         before, u = self.strain - released, self.u
