@@ -12,8 +12,8 @@ the crack grows, G = G_c. Then Δ alone gives the length of the arms and the for
     A = √(G_c E'H³/12),    a + χH = √(Δ E'H³/(8A)),    P = A/(a + χH)
 
 The pre-crack is made of broken bonds, as in `pdjax.scenes.cracked_plate`. A crack between two arms may leave its plane
-and break an arm. Specimens have side grooves against it. Here bonds break only near the plane: `groove` marks the
-points whose bonds never break.
+and break an arm, and here it does: without further measures it turns by 90° at once. Specimens have side grooves
+against it. Here only the bonds that cross the plane may break: `arms` marks all others, as `no_fail` of a criterion.
 """
 
 from typing import NamedTuple
@@ -22,7 +22,7 @@ import numpy as np
 
 from ..finite_body import conditions
 from ..finite_body.scene import Scene, scene
-from ..geometry.cuts import Segment, crossed
+from ..geometry.cuts import Plane, Segment, crossed
 from ..geometry.neighbour_search import families
 from ..geometry.points import lattice
 from ..models.base import AbstractModel
@@ -45,8 +45,8 @@ class DoubleCantilever(NamedTuple):
         E' [pressure] and G_c [energy/area].
     upper : array of bool, shape (points,)
         The loaded points of the upper arm. The sum of their reactions along y is P.
-    groove : array of bool, shape (points,)
-        Points farther than a horizon from the plane of the crack, as `no_fail` of a breaking criterion.
+    arms : array of bool, shape (points, bonds)
+        Bonds that do not cross the plane of the crack, as `no_fail` of a breaking criterion.
 
     Examples
     --------
@@ -65,7 +65,7 @@ class DoubleCantilever(NamedTuple):
     modulus: float
     fracture_energy: float
     upper: np.ndarray
-    groove: np.ndarray
+    arms: np.ndarray
 
     @property
     def _moment(self) -> float:
@@ -153,7 +153,7 @@ def double_cantilever(
     Scene
         The problem, for `solve_breaking`. Its families hold the crack as broken bonds.
     DoubleCantilever
-        The force and the opening of beam theory, and the masks of the loaded points and of the groove.
+        The force and the opening of beam theory, and the masks of the loaded points and of the bonds in the arms.
 
     Raises
     ------
@@ -169,7 +169,7 @@ def double_cantilever(
     >>> scene, expected = pd.scenes.double_cantilever(6, crack=2, length=5)
     >>> family = pd.lattice_family(dim=2, N=3, spacing=1 / 6)
     >>> stretch = pd.CriticalStretch.from_fracture_energy(1e-6, scene.model, family).stretch
-    >>> criterion = pd.CriticalStretch(stretch, no_fail=expected.groove)
+    >>> criterion = pd.CriticalStretch(stretch, no_fail=expected.arms)
     >>> path = pd.solve_breaking(scene, criterion, load_steps=np.linspace(0.1, 0.5, 9), show_progress=False)
     >>> path.ending.name, path.broken_bonds > 0
     ('FINISHED', True)
@@ -181,13 +181,13 @@ def double_cantilever(
     cells = round(length * n), 2 * n
     body = lattice(cells, h)
     X = body.positions
-    tip = round(crack * n) * h + h / 2  # the load acts on the first column of points, at x = h/2
-    tip = np.floor(tip / h + 0.5) * h
+    tip = (round(crack * n) + 1) * h  # the load acts on the first column of points, at x = h/2
     own = families(body, N * h)
+    arms = ~crossed(own, Plane((0.0, 1.0), (0.0, 1.0)))
     own = own.with_broken(crossed(own, Segment((-h, 1.0), (tip, 1.0))))
     end = X[:, 0] < h
     upper, lower = end & (X[:, 1] > 1), end & (X[:, 1] < 1)
-    expected = DoubleCantilever(1.0, tip - h / 2, 0.0, 1.0, G, upper, np.abs(X[:, 1] - 1) > N * h)
+    expected = DoubleCantilever(1.0, tip - h / 2, 0.0, 1.0, G, upper, arms)
     opening = 4 * expected.opening_at_onset()
     far = np.ravel_multi_index((cells[0] - 1, n - 1), cells), np.ravel_multi_index((cells[0] - 1, n), cells)
     fixed = scene(

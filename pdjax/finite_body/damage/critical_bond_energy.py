@@ -80,8 +80,8 @@ class CriticalBondEnergy(Criterion):
     ----------
     energy : float
         Critical bond energy w_c [energy/length^(2 dim)], > 0.
-    no_fail : array of bool, shape (points,), optional
-        Points whose bonds never break.
+    no_fail : array of bool, shape (points,) or (points, bonds), optional
+        Points whose bonds never break, or bonds that never break.
 
     Raises
     ------
