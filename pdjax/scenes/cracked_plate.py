@@ -47,7 +47,7 @@ class CrackedPlate(NamedTuple):
     Examples
     --------
     >>> _, expected = pd.scenes.cracked_plate(20)
-    >>> round(expected.stress_intensity(expected.stress) / expected.toughness, 12)
+    >>> round(float(expected.stress_intensity(expected.stress) / expected.toughness), 12)
     1.0
     """
 
@@ -73,8 +73,8 @@ class CrackedPlate(NamedTuple):
         Examples
         --------
         >>> _, expected = pd.scenes.cracked_plate(20)
-        >>> round(expected.stress_intensity(1.0) / np.sqrt(np.pi * expected.half_crack), 4)
-        1.1867
+        >>> round(float(expected.stress_intensity(1.0) / np.sqrt(np.pi * expected.half_crack)), 4)
+        1.1862
         """
         return stress * np.sqrt(np.pi * self.half_crack) * shape_factor(self.half_crack / self.half_width)
 
@@ -142,9 +142,9 @@ def cracked_plate(
     >>> scene, expected = pd.scenes.cracked_plate(20, fracture_energy=1e-6)
     >>> family = pd.lattice_family(dim=2, N=3, spacing=1 / 20)
     >>> criterion = pd.CriticalStretch.from_fracture_energy(1e-6, scene.model, family)
-    >>> path = pd.solve_breaking(scene, criterion, load_steps=np.linspace(0.5, 1.5, 51), show_progress=False)
-    >>> path.ending.name, round(float(path.broken_at.min()), 2)
-    ('LOAD_LOST', 0.9)
+    >>> path = pd.solve_breaking(scene, criterion, load_steps=[0.9, 1.0, 1.1, 1.2], show_progress=False)
+    >>> bool(path.load_factors[path.settled][-1] < 1.2), round(float(path.broken_at.min()), 2)
+    (True, 1.1)
     """
     n, N = checked_count("n", n, 12), checked_ratio(N)
     if n % 2:

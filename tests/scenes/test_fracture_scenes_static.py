@@ -48,7 +48,7 @@ def test_the_crack_of_the_plate_is_made_of_broken_bonds():
 
 @pytest.fixture(scope="module")
 def broken_plate():
-    scene, expected = pd.scenes.cracked_plate(20)
+    scene, _ = pd.scenes.cracked_plate(20)
     return scene, pd.solve_breaking(scene, stretch(scene, 20, 3), load_steps=[0.9, 0.95, 1.0, 1.05, 1.1, 1.15], **QUIET)
 
 
