@@ -26,7 +26,7 @@ from pdjax.figures import SERIES
 jax.config.update("jax_enable_x64", True)
 G = 1e-6
 PLATES = [(20, 3, 0.01), (30, 3, 0.01), (40, 3, 0.01), (26, 4, 0.01), (40, 6, 0.02)]  # n, N, load step
-CANTILEVERS = [(8, 3), (12, 3), (12, 4)]
+CANTILEVERS = [(8, 3), (12, 3), (12, 4), (15, 5)]
 CRITERIA = ("stretch", "stretch, lattice", "energy")
 
 

@@ -392,6 +392,12 @@ def solve_breaking(
 
     The path follows equilibria, stable or not. `body_stability` examines one of them.
 
+    A body counts as severed when no chain of bonds joins parts that the supports move apart. The last bonds of a
+    section may form hinges, which carry almost no load until they are pulled straight. Such a body is not severed yet.
+
+    On a coarse lattice a crack is trapped between the points: it grows at a larger load than the fracture energy of the
+    criterion demands. In a double cantilever the excess falls with N = δ/h (`benchmarks/fracture_statics.py`).
+
     References
     ----------
     Ni, Zaccariotto, Zhu & Galvanetto 2019 (static solution of crack propagation in peridynamics)
