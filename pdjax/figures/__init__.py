@@ -7,6 +7,7 @@ function uses pyplot or another global state of matplotlib: `figure.savefig(path
     bodies             scene, field, bars, neighbours
     audits             audit, audit_states
     motions            motion, cuboid, animation
+    fracture           crack
     designs            pareto_front
     text               table
     styles             COLOURS, LABELS, SERIES, STYLES
@@ -15,6 +16,7 @@ function uses pyplot or another global state of matplotlib: `figure.savefig(path
 from .atlas import model_atlas
 from .audits import audit, audit_states
 from .charts import COLOURS, LABELS, SERIES, STYLES, BarCase, bars, dispersion, stability_map
+from .cracks import crack
 from .fields import field, scene
 from .fronts import pareto_front
 from .motions import Branch, animation, cuboid, dispersion_curves, motion
@@ -32,6 +34,7 @@ __all__ = [
     "audit",
     "audit_states",
     "bars",
+    "crack",
     "cuboid",
     "dispersion",
     "dispersion_curves",
