@@ -44,6 +44,8 @@ def test_the_crack_of_the_plate_is_made_of_broken_bonds():
     assert ((X[i, 1] - 1) * (X[j, 1] - 1) < 0).all()
     crossing = X[i, 0] + (X[j, 0] - X[i, 0]) * (1 - X[i, 1]) / (X[j, 1] - X[i, 1])
     assert np.abs(crossing - 0.5).max() <= expected.half_crack + 1e-12
+    damage = lost.sum(axis=1).reshape(20, 40)
+    assert np.array_equal(damage, damage[::-1]) and np.array_equal(damage, damage[:, ::-1])
 
 
 @pytest.fixture(scope="module")
