@@ -17,7 +17,7 @@ critical loads, the equilibria and motions of whole bodies, and the derivatives 
         cell_stability, hydrostatic, uniaxial_strain, uniaxial_stress, simple_shear
     pdjax.finite_body        supports and loads, stability, statics, dynamics and fracture of a body
         prescribe, body_force, total_force, homogeneous_traction, scene, solve, equilibrium_path, body_stability
-        body_spectrum, body_critical_load, motion, simulate, critical_time_step, observers, CriticalStretch, crack_path
+        body_spectrum, body_critical_load, motion, simulate, observers, CriticalStretch, solve_breaking, crack_path
     pdjax.scenes             problems that are ready to solve, some with a closed form
     pdjax.optimise           design by gradient, and parameters from measured data
         worst_margin, load_cases, dispersion_error, lattice_time_step, design, pareto_front
@@ -141,6 +141,12 @@ from .finite_body.spectrum import (
     body_stability as body_stability,
 )
 from .finite_body.statics import (
+    BreakingEnergies as BreakingEnergies,
+)
+from .finite_body.statics import (
+    BreakingPath as BreakingPath,
+)
+from .finite_body.statics import (
     Equilibrium as Equilibrium,
 )
 from .finite_body.statics import (
@@ -151,6 +157,9 @@ from .finite_body.statics import (
 )
 from .finite_body.statics import (
     solve as solve,
+)
+from .finite_body.statics import (
+    solve_breaking as solve_breaking,
 )
 from .force.backends.slabs import SlabForce as SlabForce
 from .force.backends.slabs import sharded_vmap as sharded_vmap

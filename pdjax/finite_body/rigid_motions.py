@@ -28,7 +28,7 @@ class FreePiece(NamedTuple):
     of: int
 
 
-def _rigid_motions(positions: np.ndarray, periodic: bool) -> tuple[np.ndarray, list[str]]:
+def rigid_motions(positions: np.ndarray, periodic: bool) -> tuple[np.ndarray, list[str]]:
     """Infinitesimal rigid motions (motions, points, dim), of unit size, and their names."""
     points, dim = positions.shape
     axes = "xyz"[:dim]
@@ -61,6 +61,19 @@ def _name_motions(loose: np.ndarray, names: list[str], dim: int) -> list[str]:
     return [names[k] for k in sorted([*pure, *mixed[: len(span) - len(pure)]])]
 
 
+def connected_pieces(families: Families) -> list[np.ndarray]:
+    """The point numbers of each connected piece. The families must be concrete."""
+    from scipy.sparse.csgraph import connected_components
+
+    points = len(families)
+    true = np.asarray(families.weight) * np.asarray(families.influence) > 0
+    i, slot = np.nonzero(true)
+    graph = sp.coo_array((np.ones(len(i)), (i, np.asarray(families.neighbours)[i, slot])), shape=(points, points))
+    pieces, label = connected_components(graph, directed=False)
+    order = np.argsort(label, kind="stable")
+    return np.split(order, np.cumsum(np.bincount(label, minlength=pieces))[:-1])
+
+
 def free_pieces(
     positions: Float[np.ndarray, "points dim"], families: Families, held: Bool[np.ndarray, "points dim"], periodic: bool
 ) -> Iterator[FreePiece]:
@@ -68,16 +81,9 @@ def free_pieces(
 
     `held` tells which components are held. The families must be concrete.
     """
-    from scipy.sparse.csgraph import connected_components
-
-    points, dim = positions.shape
-    true = np.asarray(families.weight) * np.asarray(families.influence) > 0
-    i, slot = np.nonzero(true)
-    graph = sp.coo_array((np.ones(len(i)), (i, np.asarray(families.neighbours)[i, slot])), shape=(points, points))
-    pieces, label = connected_components(graph, directed=False)
-    order = np.argsort(label, kind="stable")
-    for piece, inside in enumerate(np.split(order, np.cumsum(np.bincount(label, minlength=pieces))[:-1])):
-        motions, names = _rigid_motions(positions[inside], periodic)
+    dim, pieces = positions.shape[1], connected_pieces(families)
+    for piece, inside in enumerate(pieces):
+        motions, names = rigid_motions(positions[inside], periodic)
         flat = motions.reshape(len(names), -1)
         # Only motions that move a point enter the orthonormal basis: points on a line cannot rotate about the line.
         size, mix = np.linalg.eigh(flat @ flat.T)
@@ -88,4 +94,4 @@ def free_pieces(
         loose = directions[grip <= 1e-9 * np.sqrt(max(1, at_held.shape[1]) / flat.shape[1])] @ basis
         if len(loose):
             fields = np.einsum("lm,mpi->lpi", loose, motions)
-            yield FreePiece(inside, fields, _name_motions(loose, names, dim), piece + 1, pieces)
+            yield FreePiece(inside, fields, _name_motions(loose, names, dim), piece + 1, len(pieces))

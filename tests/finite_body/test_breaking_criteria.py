@@ -299,3 +299,23 @@ def test_released_energy_has_gradients():
     v, step = bodies.random(9).normal(size=U.shape), 1e-6
     ahead, behind = (float(pd.released_energy(LPS, FAMS, U + s * step * v, BROKEN)) for s in (1, -1))
     assert np.isclose(np.sum(slope * v), (ahead - behind) / (2 * step), rtol=1e-7)
+
+
+@pytest.mark.parametrize("criterion", [pd.CriticalStretch, pd.CriticalBondEnergy])
+def test_bonds_of_a_no_fail_mask_do_not_break(criterion):
+    """A mask of bonds, given at one end only, protects both ends. A mask of points protects all bonds of the points."""
+    body = pd.lattice((6, 5))
+    families, u = pd.families(body, 2.1), 0.1 * body.positions
+    whole = np.asarray(criterion(1e-6).broken(pd.BondBased(1.0), families, u))
+    here = np.zeros(whole.shape, bool)
+    here[7, 3] = True
+    there = int(families.neighbours[7, 3]), int(families.reverse[7, 3])
+    left = np.asarray(criterion(1e-6, no_fail=here).broken(pd.BondBased(1.0), families, u))
+    assert whole.all(where=np.asarray(families.is_bond)) and not left[7, 3] and not left[there]
+    assert left.sum() == whole.sum() - 2
+    points = np.arange(30) == 7
+    zone = points[:, None] | points[np.asarray(families.neighbours)]
+    both = [np.asarray(criterion(1e-6, no_fail=m).broken(pd.BondBased(1.0), families, u)) for m in (points, zone)]
+    assert np.array_equal(*both) and np.array_equal(both[0], whole & ~zone)
+    with pytest.raises(ValueError, match=r"shape \(30,\), or one for each bond, shape \(30, 12\); got shape \(30, 3\)"):
+        criterion(1e-6, no_fail=np.zeros((30, 3), bool)).broken(pd.BondBased(1.0), families, u)

@@ -29,8 +29,8 @@ class BreakingRule(Criterion):
         State of a point that the function gets as `here` and `there`: the model's strain (dim, dim) [-], its stress
         (dim, dim) [pressure], or the result of your function (model, bonds of the family) → array or tree of arrays.
         Default: both are None.
-    no_fail : array of bool, shape (points,), optional
-        Points whose bonds never break.
+    no_fail : array of bool, shape (points,) or (points, bonds), optional
+        Points whose bonds never break, or bonds that never break.
 
     Raises
     ------

@@ -26,12 +26,15 @@ from ...models.base import AbstractModel
 
 
 def _mask(points: Any) -> Array | None:
-    """The no-fail zone as an array of bool (points,)."""
+    """The no-fail zone as an array of bool, (points,) or (points, bonds)."""
     if points is None or isinstance(points, jax.Array):
         return points
     mask = native("no_fail", points)
-    if mask.dtype != bool or mask.ndim != 1:
-        raise ValueError(f"no_fail must be a mask of bool, shape (points,); got shape {mask.shape} of {mask.dtype}")
+    if mask.dtype != bool or mask.ndim not in (1, 2):
+        raise ValueError(
+            f"no_fail must be a mask of bool, shape (points,) or (points, bonds); got shape {mask.shape} of"
+            f" {mask.dtype}"
+        )
     return jax.device_put(np.array(mask))
 
 
@@ -40,11 +43,22 @@ class Criterion(eqx.Module):
 
     Attributes
     ----------
-    no_fail : array of bool, shape (points,), or None
-        Points whose bonds never break, for example where supports or loads act. None: all bonds may break.
+    no_fail : array of bool, shape (points,) or (points, bonds), or None
+        Points whose bonds never break, for example where supports or loads act. Or bonds that never break, for example
+        all that do not cross a weak interface. None: all bonds may break.
     """
 
-    no_fail: Bool[Array, " points"] | None = eqx.field(default=None, converter=_mask, kw_only=True)
+    no_fail: Bool[Array, " points"] | Bool[Array, "points bonds"] | None = eqx.field(
+        default=None, converter=_mask, kw_only=True
+    )
+
+    def protected(self, families: Families) -> Bool[Array, "points bonds"] | None:
+        """The bonds of the no-fail zone, the same at both ends of a bond. None if there is no such zone."""
+        if self.no_fail is None:
+            return None
+        if self.no_fail.ndim == 1:
+            return self.no_fail[:, None] | self.no_fail[families.neighbours]
+        return self.no_fail | self.no_fail[families.neighbours, families.reverse]
 
     def refusal(self, model: AbstractModel) -> str | None:
         """Why the criterion cannot serve this model, and which models it can serve. None if it can."""
@@ -53,6 +67,10 @@ class Criterion(eqx.Module):
     def exceeded(self, model: AbstractModel, families: Families, bonds: Bonds) -> Bool[Array, "points bonds"]:
         """Whether each bond breaks, seen from the point to which it belongs. The value for padding is ignored."""
         raise NotImplementedError(f"{type(self).__name__} defines no exceeded(model, families, bonds)")
+
+    def overload(self, model: AbstractModel, families: Families, bonds: Bonds) -> Float[Array, "points bonds"] | None:
+        """The measure of each bond over its critical value [-], above 1 where it breaks. None without a measure."""
+        return None
 
     @property
     def smooth(self) -> bool:
@@ -81,9 +99,11 @@ class Criterion(eqx.Module):
         why = self.refusal(model)
         if why is not None:
             raise ValueError(why)
-        if self.no_fail is not None and self.no_fail.shape != (len(families),):
+        shapes = (len(families),), families.weight.shape
+        if self.no_fail is not None and self.no_fail.shape not in shapes:
             raise ValueError(
-                f"no_fail must have one entry for each of the {len(families)} points; got shape {self.no_fail.shape}"
+                f"no_fail must have one entry for each of the {len(families)} points, shape {shapes[0]}, or one for"
+                f" each bond, shape {shapes[1]}; got shape {self.no_fail.shape}"
             )
 
     def broken(self, model: AbstractModel, families: Families, u, F=None) -> Bool[Array, "points bonds"]:
@@ -124,8 +144,9 @@ def exceeding(
     hit = criterion.exceeded(model, families, families.bonds(u, F))
     here = families.weight > 0
     hit = (hit & here) | (hit[back] & here[back])  # with two horizons a bond may have a weight at one end only
-    if criterion.no_fail is not None:
-        hit &= ~(criterion.no_fail[:, None] | criterion.no_fail[families.neighbours])
+    protected = criterion.protected(families)
+    if protected is not None:
+        hit &= ~protected
     return hit & families.is_bond
 
 

@@ -80,8 +80,8 @@ class CriticalBondEnergy(Criterion):
     ----------
     energy : float
         Critical bond energy w_c [energy/length^(2 dim)], > 0.
-    no_fail : array of bool, shape (points,), optional
-        Points whose bonds never break.
+    no_fail : array of bool, shape (points,) or (points, bonds), optional
+        Points whose bonds never break, or bonds that never break.
 
     Raises
     ------
@@ -120,6 +120,9 @@ class CriticalBondEnergy(Criterion):
     def exceeded(self, model: AbstractModel, families: Families, bonds: Bonds) -> Bool[Array, "points bonds"]:
         longer = jnp.sum((2 * bonds.xi + bonds.eta) * bonds.eta, axis=-1) > 0
         return longer & (bond_energies(model, families, bonds) > self.energy)
+
+    def overload(self, model: AbstractModel, families: Families, bonds: Bonds) -> Float[Array, "points bonds"]:
+        return bond_energies(model, families, bonds) / self.energy
 
     @staticmethod
     @public_function

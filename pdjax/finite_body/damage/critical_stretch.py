@@ -47,8 +47,8 @@ class CriticalStretch(Criterion):
         Width w [-] of the sigmoid by which a bond loses its force, > 0. A run then has derivatives beyond the first
         break, see the module. Only for models that keep the reference sums of the intact family, `BondBased` and `LPS`.
         Default None: a bond breaks at once.
-    no_fail : array of bool, shape (points,), optional
-        Points whose bonds never break.
+    no_fail : array of bool, shape (points,) or (points, bonds), optional
+        Points whose bonds never break, or bonds that never break.
 
     Raises
     ------
@@ -108,13 +108,17 @@ class CriticalStretch(Criterion):
     def limit(self, families: Families) -> Array | None:
         if self.smooth:
             return None
-        limit, ends = self._critical(families), families.neighbours
-        if self.no_fail is not None:
-            limit = jnp.where(self.no_fail[:, None] | self.no_fail[ends], jnp.inf, limit)
+        limit = self._critical(families)
+        protected = self.protected(families)
+        if protected is not None:
+            limit = jnp.where(protected, jnp.inf, limit)
         return limit
 
     def exceeded(self, model: AbstractModel, families: Families, bonds: Bonds) -> Bool[Array, "points bonds"]:
         return stretch_minus_one(bonds.xi, bonds.eta) > self._critical(families)
+
+    def overload(self, model: AbstractModel, families: Families, bonds: Bonds) -> Float[Array, "points bonds"]:
+        return stretch_minus_one(bonds.xi, bonds.eta) / self._critical(families)
 
     def left(self, model, families: Families, u, share):
         if self.smoothing is None:
@@ -122,8 +126,9 @@ class CriticalStretch(Criterion):
         bonds = families.bonds(u)
         beyond = (stretch_minus_one(bonds.xi, bonds.eta) - self._critical(families)) / self.smoothing
         sigmoid = jax.nn.sigmoid(-beyond)
-        if self.no_fail is not None:
-            sigmoid = jnp.where(self.no_fail[:, None] | self.no_fail[families.neighbours], 1.0, sigmoid)
+        protected = self.protected(families)
+        if protected is not None:
+            sigmoid = jnp.where(protected, 1.0, sigmoid)
         return jnp.minimum(share, sigmoid)
 
     @staticmethod

@@ -1,7 +1,8 @@
 """Checkpoints of a run: one file with everything that is needed to continue the run bit for bit.
 
-A checkpoint belongs to one motion, one time step and one `save_every`. It contains a fingerprint of these and of the
-version of pdjax, and `load` raises ValueError for the checkpoint of another run.
+A checkpoint of `simulate` belongs to one motion, one time step and one `save_every`. It contains a fingerprint of these
+and of the version of pdjax, and `load` raises ValueError for the checkpoint of another run. `solve_breaking` writes its
+checkpoints with the same functions.
 
 `save` writes a new file beside the old one and then renames it. A run that is killed at any moment therefore leaves a
 valid checkpoint. If the disk is full, `save` gives a warning and the old checkpoint stays.
@@ -13,6 +14,7 @@ import re
 import warnings
 import zipfile
 from pathlib import Path
+from typing import TypeVar
 
 import jax
 import jax.numpy as jnp
@@ -21,7 +23,13 @@ from jaxtyping import PyTree
 
 from ..._internal.checks import Tree, written_whole
 from ..._internal.version import VERSION
-from .verlet import State
+
+State = TypeVar("State")
+DIFFERS = (
+    "its scene, model, density, schedule, observers, fields, dt or save_every differ from those of this run, or another"
+    " version of JAX wrote it; the defaults of dt and save_every depend on the duration, so give both from the start if"
+    " you want to extend a run later"
+)
 
 
 def fingerprint(program: str, *data: PyTree) -> str:
@@ -39,7 +47,7 @@ def fingerprint(program: str, *data: PyTree) -> str:
     return digest.hexdigest()
 
 
-def save(path: str | os.PathLike, name: str, state: State, records: list[Tree]) -> bool:
+def save(path: str | os.PathLike, name: str, state: PyTree, records: list[Tree]) -> bool:
     """Write the state and all records so far. Gives a warning and returns False if the file cannot be written."""
     arrays = {f"state_{k}": np.asarray(x) for k, x in enumerate(jax.tree.leaves(state))}
     columns = zip(*(jax.tree.leaves(r) for r in records), strict=True)
@@ -56,8 +64,12 @@ def save(path: str | os.PathLike, name: str, state: State, records: list[Tree]) 
     return True
 
 
-def load(path: str | os.PathLike, name: str, state: State, like: Tree) -> tuple[State, list[Tree]]:
+def load(
+    path: str | os.PathLike, name: str, state: State, like: Tree, differs: str = DIFFERS
+) -> tuple[State, list[Tree]]:
     """Return the state and the records of a checkpoint. `state` and `like`, a record, give the structures to restore.
+
+    `differs` says in the message for the checkpoint of another run in what the two runs may differ.
 
     Raises FileNotFoundError if there is no file, and ValueError if the file is not a checkpoint, or if another version
     of pdjax or another run wrote it.
@@ -74,11 +86,7 @@ def load(path: str | os.PathLike, name: str, state: State, like: Tree) -> tuple[
     if version != VERSION:
         raise ValueError(f"checkpoint {path} was written by pdjax {version}, this is {VERSION}: start the run again")
     if mark != name:
-        raise ValueError(
-            f"checkpoint {path} belongs to another run: its scene, model, density, schedule, observers, fields, dt or"
-            " save_every differ from those of this run, or another version of JAX wrote it; the defaults of dt and"
-            " save_every depend on the duration, so give both from the start if you want to extend a run later"
-        )
+        raise ValueError(f"checkpoint {path} belongs to another run: {differs}")
     leaves, structure = jax.tree.flatten(state)
     state = jax.tree.unflatten(structure, [jnp.asarray(arrays[f"state_{k}"]) for k in range(len(leaves))])
     leaves, structure = jax.tree.flatten(like)

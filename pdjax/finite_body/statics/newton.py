@@ -75,10 +75,12 @@ def newton(
     max_iterations: int,
     solver: Callable[[Scene, np.ndarray, float], Callable[[np.ndarray], np.ndarray]],
     history: list[float] | None = None,
+    least_scale: float = 0.0,
 ) -> tuple[np.ndarray, int, list[float]]:
     """Newton's method from q at a fixed load factor. Returns (q, code, relative residuals of all iterations).
 
-    The residuals are appended to `history`.
+    The residuals are appended to `history`. They are relative to the scale of the present forces, or to `least_scale`
+    [force] if that is larger: a body that has lost its load has no forces of its own to compare with.
     """
     history = [] if history is None else history
 
@@ -86,7 +88,7 @@ def newton(
         r, scale = map(np.asarray, residual_and_scale(scene, q, factor))
         with np.errstate(all="ignore"):  # The loop below tests whether the residual is finite.
             size = np.linalg.norm(r)
-        return r, float(size), float(relative(size, scale))
+        return r, float(size), float(relative(size, np.maximum(scale, least_scale)))  # NaN stays NaN
 
     def moved(q, by):
         with np.errstate(all="ignore"):
