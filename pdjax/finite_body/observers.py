@@ -40,7 +40,8 @@ class Snapshot(NamedTuple):
     force : array, shape (points, dim)
         V (f + λ b) [force]: internal and body forces. On held components it is minus the reaction.
     alive : array of bool, shape (points, bonds), or None
-        Bonds that have not broken. None if no bond can break.
+        Bonds that have not broken. With a smooth criterion: the share of each bond that is left [-], float. None if no
+        bond can break.
 
     Examples
     --------
@@ -58,7 +59,7 @@ class Snapshot(NamedTuple):
     u: Float[Numbers, "points dim"]
     v: Float[Numbers, "points dim"]
     force: Float[Numbers, "points dim"]
-    alive: Bool[Numbers, "points bonds"] | None = None
+    alive: Bool[Numbers, "points bonds"] | Float[Numbers, "points bonds"] | None = None
 
 
 @runtime_checkable
@@ -384,7 +385,7 @@ class Damage(eqx.Module):
         w = families.influence * families.weight * families.volumes[families.neighbours]
         alive = families.weight > 0 if now.alive is None else now.alive
         total = jnp.sum(w, axis=1)
-        return 1 - jnp.sum(jnp.where(alive, w, 0), axis=1) / jnp.where(total > 0, total, 1)
+        return 1 - jnp.sum(alive * w, axis=1) / jnp.where(total > 0, total, 1)
 
 
 def damage() -> Damage:

@@ -586,3 +586,30 @@ class Families(eqx.Module):
                 )
         weight = (np if known else jnp).where(broken, 0, old.weight)
         return self._weighted(weight, old.weight if old.intact is None else old.intact)
+
+    def with_share(self, share: Bool[Array, "points bonds"] | Float[Array, "points bonds"]) -> "Families":
+        """Copy of the families in which every bond keeps a share of its weight, and `intact` keeps the old weights.
+
+        Parameters
+        ----------
+        share : array of bool or float, shape (points, bonds)
+            Share 0 to 1 that is left of each bond [-]: 0 is a broken bond. It may be traced. Both ends of a bond must
+            agree. The values are not checked.
+
+        Returns
+        -------
+        Families
+            Families with the new weights, as from `with_broken`.
+
+        Examples
+        --------
+        The energy of a bond-based bar is linear in the shares. Its derivative is the energy of each bond, ½ c s²/2 at
+        each of its two ends:
+
+        >>> families, u = pd.families(pd.lattice((3,)), horizon=1.0), jnp.array([[0.0], [0.0], [0.1]])
+        >>> energy = lambda share: pd.strain_energy(pd.BondBased(1.0), families.with_share(share), u)
+        >>> jax.grad(energy)(jnp.ones(families.weight.shape)).round(5).tolist()
+        [[0.0, 0.0], [0.0, 0.0025], [0.0025, 0.0]]
+        """
+        self.need_arrays()
+        return self._weighted(self.weight * share, self.weight if self.intact is None else self.intact)

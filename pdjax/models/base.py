@@ -174,6 +174,11 @@ class AbstractModel(eqx.Module):
         return False
 
     @property
+    def has_shape_tensor(self) -> bool:
+        """Whether the model inverts a shape tensor of the reference configuration."""
+        return getattr(self.shape_tensor, "__func__", self.shape_tensor) is not AbstractModel.shape_tensor
+
+    @property
     def controlled(self) -> bool:
         """Whether the model has a control of zero-energy modes."""
         return getattr(getattr(self, "base", self), "control", None) is not None

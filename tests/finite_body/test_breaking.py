@@ -13,7 +13,8 @@ SHAPE = (24, 16)
 BODY = pd.lattice(SHAPE)
 X = BODY.positions
 NOTCHED = pd.cut(pd.families(BODY, 3.015), pd.Segment((0.0, 8.0), (12.0, 8.0)))
-MODELS = {"bond-based": pd.BondBased(1.0), "LPS": pd.LPS(1.0, 0.6)}
+LAW = pd.LinearElastic(1.0, 1.0)
+MODELS = {"bond-based": pd.BondBased(1.0), "LPS": pd.LPS(1.0, 0.6), "correspondence": pd.Correspondence(LAW, pd.SillingControl(0.2))}
 STRETCH = pd.CriticalStretch(0.01)
 APART = np.stack([0 * X[:, 0], 0.0025 * (X[:, 1] - 8.0)], axis=1)  # velocities that open the notch
 
@@ -153,9 +154,8 @@ def test_a_gradient_flows_up_to_the_first_break():
 
 
 def test_what_cannot_break_is_refused():
-    law = pd.LinearElastic(1.0, 1.0)
-    with pytest.raises(ValueError, match="Correspondence takes its sums over the bonds that are left"):
-        run(notched(pd.Correspondence(law)), 0.4)
+    with pytest.raises(ValueError, match="smoothing cannot serve Correspondence.*BondBased and LPS"):
+        run(notched(pd.Correspondence(LAW)), 0.4, pd.CriticalStretch(0.01, smoothing=1e-3))
     with pytest.raises(ValueError, match="breaking must be"):
         run(notched(MODELS["LPS"]), 0.4, breaking=0.01)
     wave = pd.scenes.wave(8, N=1, model=pd.BondBased(1.0), F=[[1.01]])

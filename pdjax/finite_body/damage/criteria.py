@@ -17,7 +17,7 @@ from typing import Any
 import equinox as eqx
 import jax
 import numpy as np
-from jaxtyping import Array, Bool
+from jaxtyping import Array, Bool, Float
 
 from ..._internal.checks import native
 from ...force.fields import body_state
@@ -54,9 +54,27 @@ class Criterion(eqx.Module):
         """Whether each bond breaks, seen from the point to which it belongs. The value for padding is ignored."""
         raise NotImplementedError(f"{type(self).__name__} defines no exceeded(model, families, bonds)")
 
+    @property
+    def smooth(self) -> bool:
+        """Whether bonds lose their force gradually, so that `left` gives shares and a run has derivatives."""
+        return False
+
     def limit(self, families: Families) -> Array | None:
-        """The critical stretch, one number or one for each bond, if the criterion is one; else None."""
+        """The critical stretch, one number or one for each bond, if the criterion is one and not smooth; else None."""
         return None
+
+    def left(
+        self,
+        model: AbstractModel,
+        families: Families,
+        u: Float[Array, "points dim"],
+        share: Bool[Array, "points bonds"] | Float[Array, "points bonds"],
+    ) -> Bool[Array, "points bonds"] | Float[Array, "points bonds"]:
+        """What is left of every bond after the break at u: True or False, or a share of it from 0 to 1.
+
+        `families` are those before the first break, and `share` is what was left of every bond before.
+        """
+        return share & ~exceeding(self, model, families.with_share(share), u, None)
 
     def check(self, model: AbstractModel, families: Families) -> None:
         """Raise ValueError if the criterion cannot serve the model, or its arrays do not belong to this body."""

@@ -46,13 +46,9 @@ from .criteria import Criterion
 from .fracture_energy import sums_of_plane
 
 
-def _has_shape_tensor(model: AbstractModel) -> bool:
-    return getattr(model.shape_tensor, "__func__", model.shape_tensor) is not AbstractModel.shape_tensor
-
-
 def _rest(model: AbstractModel, bonds: Bonds, deformed: Array, length: Array) -> Float[Array, "points bonds dim"]:
     """Y₀, the undeformed bond turned with the material."""
-    if not _has_shape_tensor(model):
+    if not model.has_shape_tensor:
         return deformed * (jnp.linalg.norm(bonds.xi, axis=-1) / length)[..., None]
     H = eqx.filter_vmap(displacement_gradient)(regular(bonds)[0])
     U, _, V = jnp.linalg.svd(jnp.eye(H.shape[-1], dtype=H.dtype) + H)

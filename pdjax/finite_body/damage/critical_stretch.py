@@ -6,12 +6,21 @@ Compression never breaks a bond, because s₀ > 0. Where s₀ varies from point 
 its two ends: it breaks at its weaker end. LAMMPS does the same.
 
 `from_fracture_energy` computes s₀ from the fracture energy G_c, see `pdjax.finite_body.damage.fracture_energy`.
+
+**Smooth breaking.** A break is a jump, so no derivative flows through it. With a `smoothing` w > 0 a bond loses its
+force gradually. What is left of it is a sigmoid of its stretch, and never grows again:
+
+    β ← min(β, 1/(1 + exp((s − s₀)/w)))
+
+For w → 0 this is the break at s₀.
+
 Source: Silling & Askari 2005.
 """
 
 from collections.abc import Callable
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 from numpy.typing import ArrayLike
@@ -34,13 +43,17 @@ class CriticalStretch(Criterion):
     ----------
     stretch : float or array, shape (points,)
         Critical stretch s₀ [-], > 0. With one for each point, a bond has the smaller value of its two ends.
+    smoothing : float, optional
+        Width w [-] of the sigmoid by which a bond loses its force, > 0. A run then has derivatives beyond the first
+        break, see the module. Only for models that keep the reference sums of the intact family, `BondBased` and `LPS`.
+        Default None: a bond breaks at once.
     no_fail : array of bool, shape (points,), optional
         Points whose bonds never break.
 
     Raises
     ------
     ValueError
-        If a stretch is not finite and > 0.
+        If a stretch or the smoothing is not finite and > 0.
 
     References
     ----------
@@ -58,9 +71,26 @@ class CriticalStretch(Criterion):
     """
 
     stretch: Float[Array, "*points"] = eqx.field(converter=as_real)
+    smoothing: Float[Array, ""] | None = eqx.field(
+        default=None, converter=lambda w: None if w is None else as_real(w, "smoothing")
+    )
 
     def __check_init__(self):
         check_positive("stretch", self.stretch)
+        if self.smoothing is not None:
+            check_positive("smoothing", self.smoothing)
+
+    @property
+    def smooth(self) -> bool:
+        return self.smoothing is not None
+
+    def refusal(self, model: AbstractModel) -> str | None:
+        if self.smoothing is None or model.keeps_reference:
+            return None
+        return (
+            f"smoothing cannot serve {type(model).__name__}, which takes its sums over the bonds that remain; it serves"
+            " BondBased and LPS. CriticalStretch without smoothing serves every model"
+        )
 
     def check(self, model: AbstractModel, families: Families) -> None:
         super().check(model, families)
@@ -70,16 +100,31 @@ class CriticalStretch(Criterion):
                 f" {self.stretch.shape}"
             )
 
-    def limit(self, families: Families) -> Array:
-        limit, ends = self.stretch, families.neighbours
-        if limit.ndim:
-            limit = jnp.minimum(limit[:, None], limit[ends])
+    def _critical(self, families: Families) -> Array:
+        """s₀, one number or one for each bond."""
+        s0 = self.stretch
+        return jnp.minimum(s0[:, None], s0[families.neighbours]) if s0.ndim else s0
+
+    def limit(self, families: Families) -> Array | None:
+        if self.smooth:
+            return None
+        limit, ends = self._critical(families), families.neighbours
         if self.no_fail is not None:
             limit = jnp.where(self.no_fail[:, None] | self.no_fail[ends], jnp.inf, limit)
         return limit
 
     def exceeded(self, model: AbstractModel, families: Families, bonds: Bonds) -> Bool[Array, "points bonds"]:
-        return stretch_minus_one(bonds.xi, bonds.eta) > self.limit(families)
+        return stretch_minus_one(bonds.xi, bonds.eta) > self._critical(families)
+
+    def left(self, model, families: Families, u, share):
+        if self.smoothing is None:
+            return super().left(model, families, u, share)
+        bonds = families.bonds(u)
+        beyond = (stretch_minus_one(bonds.xi, bonds.eta) - self._critical(families)) / self.smoothing
+        sigmoid = jax.nn.sigmoid(-beyond)
+        if self.no_fail is not None:
+            sigmoid = jnp.where(self.no_fail[:, None] | self.no_fail[families.neighbours], 1.0, sigmoid)
+        return jnp.minimum(share, sigmoid)
 
     @staticmethod
     @public_function

@@ -13,7 +13,6 @@ import re
 import warnings
 import zipfile
 from pathlib import Path
-from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -42,7 +41,7 @@ def fingerprint(program: str, *data: PyTree) -> str:
 
 def save(path: str | os.PathLike, name: str, state: State, records: list[Tree]) -> bool:
     """Write the state and all records so far. Gives a warning and returns False if the file cannot be written."""
-    arrays = {f"state_{k}": np.asarray(x) for k, x in state._asdict().items() if x is not None}
+    arrays = {f"state_{k}": np.asarray(x) for k, x in enumerate(jax.tree.leaves(state))}
     columns = zip(*(jax.tree.leaves(r) for r in records), strict=True)
     arrays |= {f"record_{k}": np.stack([np.asarray(x) for x in column]) for k, column in enumerate(columns)}
     try:
@@ -57,8 +56,8 @@ def save(path: str | os.PathLike, name: str, state: State, records: list[Tree]) 
     return True
 
 
-def load(path: str | os.PathLike, name: str, like: Tree) -> tuple[State, list[Tree]]:
-    """Return the state and the records of a checkpoint. `like` is a record with the structure to restore.
+def load(path: str | os.PathLike, name: str, state: State, like: Tree) -> tuple[State, list[Tree]]:
+    """Return the state and the records of a checkpoint. `state` and `like`, a record, give the structures to restore.
 
     Raises FileNotFoundError if there is no file, and ValueError if the file is not a checkpoint, or if another version
     of pdjax or another run wrote it.
@@ -80,8 +79,8 @@ def load(path: str | os.PathLike, name: str, like: Tree) -> tuple[State, list[Tr
             " save_every differ from those of this run, or another version of JAX wrote it; the defaults of dt and"
             " save_every depend on the duration, so give both from the start if you want to extend a run later"
         )
-    parts: list[Any] = [arrays.get(f"state_{k}") for k in State._fields]
-    state = State(*(None if x is None else jnp.asarray(x) for x in parts))  # type: ignore[arg-type]
+    leaves, structure = jax.tree.flatten(state)
+    state = jax.tree.unflatten(structure, [jnp.asarray(arrays[f"state_{k}"]) for k in range(len(leaves))])
     leaves, structure = jax.tree.flatten(like)
     columns = [arrays[f"record_{k}"] for k in range(len(leaves))]
     records = [jax.tree.unflatten(structure, [c[i] for c in columns]) for i in range(len(columns[0]))]

@@ -99,7 +99,10 @@ class History(eqx.Module):
     stopped_by : str
         Name of the observer that stopped the run and its reason; empty if none did.
     alive : array of bool, shape (points, bonds), or None
-        Bonds that have not broken at the end. None if no bond could break.
+        Bonds that have not broken at the end. With a smooth criterion: the share of each bond that is left [-], float.
+        None if no bond could break.
+    broken_at : array, shape (points, bonds), or None
+        Time [time] at which each bond broke, inf if it did not. It exceeded the criterion in the state of that time.
 
     Examples
     --------
@@ -119,7 +122,8 @@ class History(eqx.Module):
     code: int | None = eqx.field(static=True, default=None)
     failure: Failure | None = None
     stopped_by: str = eqx.field(static=True, default="")
-    alive: Bool[Array | np.ndarray, "points bonds"] | None = None
+    alive: Bool[Array | np.ndarray, "points bonds"] | Float[Array | np.ndarray, "points bonds"] | None = None
+    broken_at: Float[Array | np.ndarray, "points bonds"] | None = None
 
     @property
     def finished(self) -> bool:
@@ -153,8 +157,16 @@ class History(eqx.Module):
             said = "works are not tracked, so there is no energy error"
         return (
             f"motion: {self.reason}\n  {int(self.steps)} steps of {float(self.dt):.6g} to"
-            f" t = {float(self.times[-1]):.6g}, {len(self.times) - 1} saves; {said}"
+            f" t = {float(self.times[-1]):.6g}, {len(self.times) - 1} saves; {said}{self._breaks()}"
         )
+
+    def _breaks(self) -> str:
+        """How many bonds broke, and when the first of them did."""
+        if self.broken_at is None:
+            return ""
+        at = np.asarray(self.broken_at)
+        broke = int(np.isfinite(at).sum()) // 2
+        return f"\n  {broke} bonds broke, the first at t = {at.min():.6g}" if broke else "\n  no bond broke"
 
 
 def dominant_wave(scene: Scene, field: np.ndarray) -> np.ndarray | None:

@@ -21,14 +21,14 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, PyTree
 
-from ..._internal.checks import inside_jit, is_concrete, writable
+from ..._internal.checks import Numbers, inside_jit, is_concrete, writable
 from ..._internal.progress import progress
 from ..._internal.public import public_function
 from ..damage.criteria import Criterion
 from ..observers import HostObserver, Snapshot, check_observers
 from ..scene import Scene
 from . import checkpoint as checkpoints
-from .breaking import check_breaking
+from .breaking import check_breaking, times_of_breaks
 from .history import Failure, History, RunEnding, alarmed, as_arrays, failure, stacked
 from .system import Motion, check_schedule
 from .time_step import SAFETY, critical_time_step
@@ -58,7 +58,8 @@ class Record(NamedTuple):
 
 def _record(motion: Motion, observers: Mapping[str, Observer], state: State, dt, fields: bool) -> Record:
     t = state.step * dt
-    now = Snapshot(t, motion.factor(t)[0], state.u, state.v, state.force, state.alive)
+    alive = None if state.bonds is None else state.bonds.alive
+    now = Snapshot(t, motion.factor(t)[0], state.u, state.v, state.force, alive)
     observed = {name: watch(motion.scene, now) for name, watch in observers.items()}
     kept = (state.u, state.v) if fields else ()
     return Record(t, kept, energies(motion, state, dt), observed, borrowed(motion, state, dt), state.finite)
@@ -107,7 +108,12 @@ def _traced(motion: Motion, observers: Mapping[str, Observer], dt, saves: int, e
     _, kept, budget, observed, _, _ = jax.tree.map(alive, all_of)
     u, v = kept if fields else (jnp.where(state.finite, x, jnp.nan)[None] for x in (state.u, state.v))
     times = dt * every * jnp.arange(saves + 1)
-    return History(times, u, v, budget, observed, dt, state.step, alive=state.alive)
+    return History(times, u, v, budget, observed, dt, state.step, None, None, "", *_of_bonds(state, dt))
+
+
+def _of_bonds(state: State, dt) -> tuple[Numbers | None, Numbers | None]:
+    """The bonds that are alive, and the times at which the others broke."""
+    return (None, None) if state.bonds is None else (state.bonds.alive, times_of_breaks(state.bonds.at, dt))
 
 
 def run_length(motion: Motion, duration) -> float:
@@ -207,8 +213,8 @@ class _Host:
             return record
         fields = (np.asarray(x) for x in (state.u, state.v, state.force))
         now = Snapshot(np.asarray(record.t), np.asarray(self.factor(record.t)), *fields)
-        if state.alive is not None:
-            now = now._replace(alive=np.asarray(state.alive))
+        if state.bonds is not None:
+            now = now._replace(alive=np.asarray(state.bonds.alive))
         values = {
             name: {key: np.asarray(value) for key, value in watch(self.motion.scene, now).items()}
             for name, watch in self.observers.items()
@@ -247,7 +253,7 @@ def _watch(motion: Motion, observers, dt, saves, every, fields, path, checkpoint
         arrays = eqx.filter((motion, observers), eqx.is_array_like)
         name = checkpoints.fingerprint(program, dt, every, arrays, on_host if host.observers else ())
         if resume:
-            state, records = checkpoints.load(path, name, first)
+            state, records = checkpoints.load(path, name, state, first)
             records = records[: saves + 1]
     keep = _Keeper(path, checkpoint_every, name)
     stored = abs(float(first.energies.strain))
@@ -289,23 +295,32 @@ def _watch(motion: Motion, observers, dt, saves, every, fields, path, checkpoint
     last = saved if code == RunEnding.NOT_FINITE else state
     u, v = out.fields if fields else (np.asarray(last.u)[None], np.asarray(last.v)[None])
     steps = min(int(state.step), saves * every)
-    alive = None if last.alive is None else np.asarray(last.alive)
-    return History(out.t, u, v, as_arrays(out.energies), out.observed, dt, steps, code, told, stopped_by, alive)
+    of_bonds = _of_bonds(jax.tree.map(np.asarray, last), dt)
+    return History(out.t, u, v, as_arrays(out.energies), out.observed, dt, steps, code, told, stopped_by, *of_bonds)
 
 
 def _given(record: Record) -> float:
-    """The energy that supports and loads have supplied up to a save, plus what loads can supply in one step."""
-    return abs(float(record.energies.supports)) + abs(float(record.energies.loads)) + float(record.borrowed[1])
+    """The energy that supports, loads and breaking bonds have supplied, plus what loads can supply in one step."""
+    work = abs(float(record.energies.supports)) + abs(float(record.energies.loads))
+    return work + max(0.0, -float(record.energies.released)) + float(record.borrowed[1])
 
 
 def _diagnose(motion: Motion, state: State, saved: State, dt: float) -> Failure:
     critical = []
-    for u, t in ((motion.start, 0.0), (saved.u, int(saved.step) * dt)):
+    for at, u, t in ((motion, motion.start, 0.0), (_damaged(motion, saved), saved.u, int(saved.step) * dt)):
         try:
-            critical.append(critical_time_step(motion, u, t))
+            critical.append(critical_time_step(at, u, t))
         except ValueError:
             critical.append(float("nan"))
     return failure(motion, state, saved, dt, (critical[0], critical[1]))
+
+
+def _damaged(motion: Motion, state: State) -> Motion:
+    """The motion of the body with the bonds of this state."""
+    if state.bonds is None:
+        return motion
+    families = motion.scene.families.with_share(state.bonds.alive)
+    return eqx.tree_at(lambda m: (m.scene.families, m.breaking), motion, (families, None), is_leaf=lambda x: x is None)
 
 
 @public_function
@@ -344,8 +359,9 @@ def simulate(
         Functions (scene, `Snapshot`) → array, evaluated at every save. See `pdjax.observers`. An observer that runs on
         the host, such as `trust_observer`, can stop the run.
     breaking : Criterion, optional
-        Criterion by which bonds break during the run, such as `CriticalStretch`. The model must be `BondBased` or
-        `LPS`. A broken bond stays broken. Default: no bond breaks.
+        Criterion by which bonds break during the run, such as `CriticalStretch`. A broken bond stays broken. Models
+        with a shape tensor take it over the bonds that remain; a point whose bonds no longer determine its deformation
+        loses them all. Default: no bond breaks.
     fields : bool, optional
         Keep u and v of every save. With False only those of the last save are kept. Default True.
     checkpoint : path, optional

@@ -31,16 +31,14 @@ from jaxtyping import Array, Bool, Float, Int
 
 from ..._internal.checks import Numbers, namespace, on_device, on_host
 from ...force.fields import strain_energy
-from .breaking import all_alive, drop, pulled
+from .breaking import Broken, after_break, pulled, unbroken
 from .system import Hold, Motion
 
 
 class State(NamedTuple):
     """State of a motion: step number, u and v (points, dim), V (f + λ b) (points, dim), works [energy].
 
-    `finite` is True as long as all values have been finite. `alive` (points, bonds) tells which bonds have not broken,
-    `dying` which of them break in the next step, and `released` is the energy of those that have broken. `alive` and
-    `dying` are None if no bond can break.
+    `finite` is True as long as all values have been finite. `bonds` is None if no bond can break.
     """
 
     step: Int[Array, ""]
@@ -51,9 +49,7 @@ class State(NamedTuple):
     loads: Float[Array, ""]
     dissipated: Float[Array, ""]
     finite: Bool[Array, ""]
-    released: Float[Array, ""] | float = 0.0
-    alive: Bool[Array, "points bonds"] | None = None
-    dying: Bool[Array, "points bonds"] | None = None
+    bonds: Broken | None = None
 
 
 class Energies(NamedTuple):
@@ -112,15 +108,16 @@ class Energies(NamedTuple):
 def initial_state(motion: Motion) -> State:
     """The state at t = 0."""
     zero = jnp.zeros((), motion.start.dtype)
-    alive = dying = None
+    factor, bonds = motion.factor(zero)[0], None
     if motion.breaking is None:
-        force = motion.force(motion.start, motion.factor(zero)[0])
+        force = motion.force(motion.start, factor)
     else:
-        alive = all_alive(motion.scene)
-        force, dying = pulled(motion.prepared().scene, motion.breaking, motion.start, motion.factor(zero)[0], alive)
+        bonds = unbroken(motion.breaking, motion.scene)
+        force, left = pulled(motion.prepared().scene, motion.breaking, motion.start, factor, bonds.alive)
+        bonds = bonds._replace(left=left)
     finite = jnp.isfinite(force).all()
     number = jnp.zeros((), jnp.int32)
-    return State(number, motion.start, motion.velocity, force, zero, zero, zero, finite, zero, alive, dying)
+    return State(number, motion.start, motion.velocity, force, zero, zero, zero, finite, bonds)
 
 
 def before_start(motion: Motion) -> State:
@@ -131,10 +128,9 @@ def before_start(motion: Motion) -> State:
     """
     dtype = motion.start.dtype
     zero, force = np.zeros((), dtype), np.zeros(motion.start.shape, dtype)
-    alive = None if motion.breaking is None else np.asarray(motion.scene.families.weight) > 0
-    dying = None if alive is None else np.zeros_like(alive)
-    parts: tuple = (np.int32(-1), motion.start, motion.velocity, force, zero, zero, zero, np.asarray(True), zero)
-    return State(*parts, alive, dying)  # type: ignore[call-arg]
+    bonds = None if motion.breaking is None else unbroken(motion.breaking, motion.scene)
+    parts: tuple = (np.int32(-1), motion.start, motion.velocity, force, zero, zero, zero, np.asarray(True))
+    return State(*parts, bonds)  # type: ignore[call-arg]
 
 
 def _work_of_mean(motion: Motion, u: Array, factor: Array, change: Array) -> Array:
@@ -158,13 +154,13 @@ def step(motion: Motion, state: State, dt: Float[Array, ""]) -> State:
     after, rate = motion.factor((state.step + 1) * dt)
     half = (1 - c) * state.v + 0.5 * dt * state.force / mass
     u = jnp.where(free, state.u + dt * half, after * motion.scene.prescribed)
-    alive, dying, released = state.alive, state.dying, state.released
-    if motion.breaking is None or alive is None or dying is None:
+    bonds = state.bonds
+    if motion.breaking is None or bonds is None:
         force = motion.force(u, after)
     else:
-        released = released + drop(motion.scene, 0.5 * (state.u + u), alive, dying)
-        alive = alive & ~dying
-        force, dying = pulled(motion.scene, motion.breaking, u, after, alive)
+        bonds = after_break(motion.scene, 0.5 * (state.u + u), state.step, bonds)
+        force, left = pulled(motion.scene, motion.breaking, u, after, bonds.alive)
+        bonds = bonds._replace(left=left)
     v = jnp.where(free, (half + 0.5 * dt * force / mass) / (1 + c), rate * motion.scene.prescribed)
     moved = u - state.u
     pushed = -0.5 * jnp.sum(jnp.where(free, 0.0, (state.force + force) * moved))
@@ -184,9 +180,7 @@ def step(motion: Motion, state: State, dt: Float[Array, ""]) -> State:
         state.loads + loaded,
         state.dissipated + lost,
         finite,
-        released,
-        alive,
-        dying,
+        bonds,
     )
     return jax.tree.map(lambda old, x: jnp.where(finite, x, old), state._replace(finite=finite), new)
 
@@ -227,11 +221,11 @@ def energies(motion: Motion, state: State, dt: Float[Array, ""]) -> Energies:
     """The energy budget of one state."""
     scene = motion.scene
     kinetic = 0.5 * jnp.sum(jnp.where(motion.free, motion.mass * state.v**2, 0.0))
-    released = jnp.asarray(state.released, kinetic.dtype)
+    released = jnp.zeros_like(kinetic) if state.bonds is None else state.bonds.released
     strain = jnp.full_like(kinetic, jnp.nan)
     if scene.model.hyperelastic:
         factor, _ = motion.factor(state.step * dt)
-        families = scene.families if state.alive is None else scene.families.with_broken(~state.alive)
+        families = scene.families if state.bonds is None else scene.families.with_share(state.bonds.alive)
         strain = strain_energy(scene.model, families, state.u, scene.mean_deformation(factor))
     return Energies(kinetic, strain, state.supports, state.loads, state.dissipated, released)
 

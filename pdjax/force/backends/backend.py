@@ -26,8 +26,14 @@ class Backend(eqx.Module):
     takes_complex: ClassVar[bool] = False  # whether `force` accepts complex displacements
     quick: ClassVar[bool] = False  # compiles with the options QUICK, where its program runs as fast with them
 
-    def broken(self, model: AbstractModel, alive: Bool[Array, "points bonds"]) -> "Backend":
-        """The backend of the body with these bonds alone. Reference sums stay those of the intact family."""
+    def with_share(
+        self, model: AbstractModel, share: Bool[Array, "points bonds"] | Float[Array, "points bonds"]
+    ) -> "Backend":
+        """The backend of the body in which every bond keeps a share of its weight.
+
+        Models that keep the reference sums (`keeps_reference`) take them over the intact family, others over the bonds
+        that remain.
+        """
         raise NotImplementedError(f"the backend {type(self).__name__} evaluates no broken bonds")
 
     def breaking(

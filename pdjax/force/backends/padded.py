@@ -29,9 +29,11 @@ class Whole(Backend):
 
     families: Families
 
-    def broken(self, model: AbstractModel, alive: Bool[Array, "points bonds"]) -> "Whole":
-        """The backend with broken bonds; see `Backend.broken`."""
-        return Whole(self.families.with_broken(~alive))
+    def with_share(
+        self, model: AbstractModel, share: Bool[Array, "points bonds"] | Float[Array, "points bonds"]
+    ) -> "Whole":
+        """The backend with broken bonds; see `Backend.with_share`."""
+        return Whole(self.families.with_share(share))
 
     def force(self, model: AbstractModel, u: Float[Array, "points dim"], F: Array | None) -> Float[Array, "points dim"]:
         """f of every point; see `Backend.force`."""

@@ -27,14 +27,20 @@ class Streamed(Backend):
     reference: Array  # (entries, flat)
     horizon: Array
 
-    def broken(self, model: AbstractModel, alive: Bool[Array, "points bonds"]) -> "Streamed":
-        """The backend with broken bonds; see `Backend.broken`."""
+    def with_share(
+        self, model: AbstractModel, share: Bool[Array, "points bonds"] | Float[Array, "points bonds"]
+    ) -> "Streamed":
+        """The backend with broken bonds; see `Backend.with_share`."""
         assert isinstance(self.traversal, SlotTraversal)
-        left = jnp.where(alive.T, 1, 0).astype(self.traversal.omega.dtype)
+        left = share.T.astype(self.traversal.omega.dtype)
         back = self.traversal.back if self.traversal.back is None else self.traversal.back * left
         omega = self.traversal.omega * left
         traversal = eqx.tree_at(lambda t: (t.omega, t.back), self.traversal, (omega, back), is_leaf=lambda x: x is None)
-        return eqx.tree_at(lambda b: b.traversal, self, traversal)
+        reference = self.reference
+        if not model.keeps_reference:
+            split = split_model(model, share.shape[0])
+            reference = reference_sums(split, traversal, traversal.xi.shape[0], self.horizon)
+        return Streamed(traversal, reference, self.horizon)
 
     def breaking(
         self, model: AbstractModel, u: Float[Array, "points dim"], alive: Bool[Array, "points bonds"], limit: Array
