@@ -22,8 +22,7 @@ critical loads, the equilibria and motions of whole bodies, and the derivatives 
     pdjax.optimise           design by gradient, and parameters from measured data
         worst_margin, load_cases, dispersion_error, lattice_time_step, design, pareto_front
         identify, tikhonov, total_variation
-    pdjax.trust              whether a computed state can be trusted: audit, audit_states, trust_observer
-        crack_or_instability
+    pdjax.trust              whether a state can be trusted: audit, audit_states, trust_observer, crack_or_instability
     pdjax.figures            matplotlib figures of results
     pdjax.files              points and fields from files and to files: read_points, PointData, write_points, export
     pdjax.studies            the paper of Behzadinasab & Foster: figures, claims, formulas: pdjax.closed_forms

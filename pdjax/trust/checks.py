@@ -132,7 +132,7 @@ def _critical(e: Evidence) -> np.ndarray | None:
 
 def alternating_shares(e: Evidence) -> np.ndarray:
     """The share of zero-energy modes of every point whose neighbours alternate, 0 elsewhere and beside clamps."""
-    return np.where((e.points.alternation > ALTERNATES) & ~e.clamped, _shares(e), 0.0)
+    return np.where((e.points.alternation > ALTERNATES) & ~e.clamped, zero_energy_shares(e), 0.0)
 
 
 def _zero_energy(e: Evidence) -> np.ndarray:
@@ -141,12 +141,12 @@ def _zero_energy(e: Evidence) -> np.ndarray:
 
 
 def _steep(e: Evidence) -> np.ndarray:
-    score = np.minimum(_shares(e) / VARYING, 1.9)
+    score = np.minimum(zero_energy_shares(e) / VARYING, 1.9)
     return np.where((e.points.alternation <= ALTERNATES) & ~e.clamped, score, 0.0)
 
 
-def _shares(e: Evidence) -> np.ndarray:
-    """P/(P + max(W, mean of W)). The mean leaves out thin points, such as fragments of a damaged body."""
+def zero_energy_shares(e: Evidence) -> np.ndarray:
+    """P/(P + max(W, mean of W)) of every point. The mean leaves out thin points, such as those beside a crack."""
     energy = np.where(np.isfinite(e.points.energy), e.points.energy, 0.0)
     P = e.points.zero_energy * energy
     W = energy - P

@@ -29,11 +29,10 @@ class Burst(NamedTuple):
     bonds : int
         Number of bonds that broke.
     margin : float
-        Largest margin [-] that a quarter of the points around the first bonds reached before the burst. NaN if it was
-        not computed.
+        Largest margin [-] that a quarter of the points around the first bonds reached before the burst: inf if they had
+        collapsed, NaN if it was not computed.
     zero_energy : float
-        Largest share [-] of zero-energy modes that a quarter of these points reached, counted where neighbours
-        alternate.
+        Largest share [-] of zero-energy modes that a quarter of these points reached. NaN if it was not computed.
     growth : float or None
         Exponent by which a perturbation of that margin can grow from the start of the run to the judged state. None if
         no density was given.

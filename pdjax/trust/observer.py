@@ -3,7 +3,7 @@
 import equinox as eqx
 import numpy as np
 
-from .._internal.checks import choice
+from .._internal.checks import choice, on_device
 from .._internal.memory import remember, value_key
 from ..finite_body.observers import Snapshot
 from ..finite_body.scene import Scene
@@ -56,7 +56,7 @@ class TrustObserver(eqx.Module):
         key = ("auditor", value_key(scene.model))
         auditor = remember(scene.families, key, lambda: Auditor(scene.model, scene.families, ~scene.free))
         if now.alive is not None:
-            auditor = auditor.of_remaining(scene.families.with_broken(~np.asarray(now.alive)))
+            auditor = auditor.of_remaining(scene.families.with_share(on_device(now.alive)))
         mean = scene.mean_deformation(now.factor)
         u = np.asarray(now.u)
         points = auditor.measures(u, None if mean is None else np.asarray(mean))

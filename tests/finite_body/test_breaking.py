@@ -14,7 +14,11 @@ BODY = pd.lattice(SHAPE)
 X = BODY.positions
 NOTCHED = pd.cut(pd.families(BODY, 3.015), pd.Segment((0.0, 8.0), (12.0, 8.0)))
 LAW = pd.LinearElastic(1.0, 1.0)
-MODELS = {"bond-based": pd.BondBased(1.0), "LPS": pd.LPS(1.0, 0.6), "correspondence": pd.Correspondence(LAW, pd.SillingControl(0.2))}
+MODELS = {
+    "bond-based": pd.BondBased(1.0),
+    "LPS": pd.LPS(1.0, 0.6),
+    "correspondence": pd.Correspondence(LAW, pd.SillingControl(0.2)),
+}
 STRETCH = pd.CriticalStretch(0.01)
 APART = np.stack([0 * X[:, 0], 0.0025 * (X[:, 1] - 8.0)], axis=1)  # velocities that open the notch
 

@@ -17,6 +17,7 @@ X = BODY.positions
 MIDDLE = np.array([X[:, 0].mean(), X[:, 1].mean()])
 BOARD = (-1.0) ** np.indices(SHAPE).reshape(2, -1).sum(axis=0)[:, None] * np.array([1.0, -1.0])
 SILLING = pd.Correspondence(LINEAR)
+CONTROLLED = pd.Correspondence(LINEAR, pd.SillingControl(0.5))
 SVK = pd.SethHill(1.0, LINEAR)
 LPS = pd.LPS(1.5, 0.7)
 STABLE = {"bond-based": pd.BondBased(1.0), "LPS": LPS}
@@ -42,15 +43,15 @@ class Path:
     broken_at: np.ndarray
 
 
-def prescribed(model, families, u, criterion, times=TIMES, every=1):
-    """The run whose displacements are u(t), with breaks by a criterion in every state and a save every few of them."""
-    at, left = np.full(families.weight.shape, np.inf), families
-    for t in times:
-        broken = np.asarray(criterion.broken(model, left, u(t)))
-        at[broken] = t
-        left = left.with_broken(broken)
-    saved = times[::every]
-    return Run(saved, np.stack([u(t) for t in saved]), at)
+def prescribed(u, limit, times=TIMES, every=1, families=FAMILIES):
+    """The run with the displacements u(t): bonds break at a stretch above the limit, every few states are stored."""
+    xi, neighbours = np.asarray(families.xi), np.asarray(families.neighbours)
+    at = np.full(neighbours.shape, np.inf)
+    for t in times[::-1]:
+        now = u(t)
+        stretch = np.linalg.norm(xi + now[neighbours] - now[:, None], axis=-1) / np.linalg.norm(xi, axis=-1) - 1
+        at[(stretch > limit) & (np.asarray(families.weight) > 0)] = t
+    return Run(times[::every], np.stack([u(t) for t in times[::every]]), at)
 
 
 def at_once(families, u, bond=(0, 0), times=(0.0, 1.0)):
@@ -69,29 +70,39 @@ def centre():
 @pytest.mark.parametrize("name", list(STABLE))
 def test_a_plane_that_opens_in_a_stable_model_is_a_crack(name):
     model = STABLE[name]
-    run = prescribed(model, FAMILIES, lambda t: t * OPENING, pd.CriticalStretch(0.03))
+    run = prescribed(lambda t: t * OPENING, 0.03)
     found = pd.crack_or_instability(model, FAMILIES, run)
     assert found.verdict == "crack" and found.counts["instability first"] == found.counts["undecided"] == 0
     assert abs(found.bursts[0].place[0] - MIDDLE[0]) < H and 0.2 < found.bursts[0].time < 0.9
     assert sum(burst.bonds for burst in found.bursts) == np.isfinite(run.broken_at).sum() // 2
-    assert all(burst.margin < -0.05 for burst in found.bursts)  # measured -0.094 and -0.13
+    assert all(burst.margin < -0.05 for burst in found.bursts)  # measured -0.094 and -0.066
     assert found.damage.max() > 0.3 and ((found.burst_of >= 0) == (found.damage > 0)).all()
 
 
 def test_a_checkerboard_that_breaks_bonds_is_an_instability():
     u = lambda t: 0.002 * X + 0.02 * t * BOARD  # noqa: E731
-    run = prescribed(SILLING, FAMILIES, u, pd.CriticalStretch(0.03))
+    run = prescribed(u, 0.03)
     found = pd.crack_or_instability(SILLING, FAMILIES, run)
     first = found.bursts[0]
     assert found.verdict == "instability first" and found.first_instability == 0 and first.time > 0.3
-    assert first.zero_energy > 0.5 and abs(first.margin) < 1e-10  # measured 1.0 and 1e-17: Silling's model is marginal
-    assert "zero-energy mode, share" in first.why
+    assert first.zero_energy > 0.5 and abs(first.margin) < 1e-10  # measured 0.95, 4e-17
+    assert "neighbours alternated" in first.why
 
 
 def test_the_same_plane_in_silling_is_a_crack_as_long_as_nothing_alternates():
-    run = prescribed(SILLING, FAMILIES, lambda t: t * OPENING, pd.CriticalStretch(0.03), every=2)
+    run = prescribed(lambda t: t * OPENING, 0.03, every=2)
     found = pd.crack_or_instability(SILLING, FAMILIES, run)
-    assert found.verdict == "crack" and found.bursts[0].zero_energy < 0.01 and abs(found.bursts[0].margin) < 1e-10
+    assert found.verdict == "crack" and found.bursts[0].zero_energy < 0.4  # measured 0.25
+    assert abs(found.bursts[0].margin) < 1e-10  # measured 1e-17: Silling's model is marginal
+
+
+@pytest.mark.parametrize("model, verdict", [(SILLING, "instability first"), (CONTROLLED, "crack"), (LPS, "crack")])
+def test_a_jump_between_two_rows_is_an_instability_only_where_the_lattice_does_not_resist_it(model, verdict):
+    """F̄ hardly sees the jump, and no neighbours alternate. A controlled model and LPS resist it."""
+    jump = 0.05 * np.sign(X[:, :1] - MIDDLE[0] - 0.1 * H) * [1.0, 0.0]
+    found = pd.crack_or_instability(model, FAMILIES, prescribed(lambda t: t * jump, 0.03))
+    assert found.verdict == verdict and found.bursts[0].zero_energy > 0.5  # measured 0.73 and 0.75
+    assert (found.bursts[0].margin > -0.01) == (verdict == "instability first")
 
 
 @pytest.mark.parametrize("model, verdict", [(SVK, "instability first"), (LPS, "crack")])
@@ -100,7 +111,7 @@ def test_compression_beyond_the_critical_load_of_seth_hill_is_an_instability(mod
     found = pd.crack_or_instability(model, FAMILIES, at_once(FAMILIES, -0.1 * X, centre()))
     exact = pd.stability(model, pd.lattice_family(2, 3.015, H), 0.9 * np.eye(2))
     assert found.verdict == verdict and (exact.verdict == "unstable") == (verdict == "instability first")
-    assert found.bursts[0].margin == pytest.approx(float(exact.margin), rel=1e-9)  # measured 1e-12
+    assert found.bursts[0].margin == pytest.approx(float(exact.margin), rel=1e-12)  # measured 9e-16
     assert found.bursts[0].bonds == 1 and found.bursts[0].state == 1
 
 
@@ -115,34 +126,37 @@ def test_units_change_nothing():
     small = pd.families(pd.lattice(SHAPE, 1e-3 * H), 3.015e-3 * H)
     soft, hard = (pd.SethHill(1.0, pd.LinearElastic(m * 1.3, m * 0.7)) for m in (1.0, 1e9))
     u = lambda t: -0.06 * t * X * [0.0, 1.0] + t * OPENING  # noqa: E731
-    run = prescribed(LPS, FAMILIES, u, pd.CriticalStretch(0.03), every=2)
+    run = prescribed(u, 0.03, every=2)
     other = Run(1e-6 * run.times, 1e-3 * run.u, 1e-6 * run.broken_at)
     found, scaled = pd.crack_or_instability(soft, FAMILIES, run), pd.crack_or_instability(hard, small, other)
     assert found.counts == scaled.counts and len(found.bursts) > 1
     for a, b in zip(found.bursts, scaled.bursts, strict=True):
         assert (a.verdict, a.bonds, a.state) == (b.verdict, b.bonds, b.state)
-        assert b.margin == pytest.approx(a.margin, rel=1e-9)  # measured 1e-12
-        assert b.zero_energy == pytest.approx(a.zero_energy, abs=1e-9)  # measured 1e-14
-        assert np.abs(1e3 * b.place - a.place).max() < 1e-9
+        assert b.margin == pytest.approx(a.margin, rel=1e-11)  # measured 1e-14
+        assert b.zero_energy == pytest.approx(a.zero_energy, abs=1e-12)  # measured 3e-16
+        assert np.abs(1e3 * b.place - a.place).max() < 1e-12  # measured 3e-15
 
 
 def test_the_order_of_the_points_changes_nothing():
     order = np.random.default_rng(3).permutation(len(X))
     volumes = np.full(len(X), H**2)
     one, two = (pd.families(pd.cloud(X[p], volumes), 3.015 * H) for p in (np.arange(len(X)), order))
-    criterion, u = pd.CriticalStretch(0.03), lambda t: t * (OPENING + 0.005 * BOARD)
-    found = pd.crack_or_instability(SILLING, one, prescribed(LPS, one, u, criterion, every=2))
-    moved = pd.crack_or_instability(SILLING, two, prescribed(LPS, two, lambda t: u(t)[order], criterion, every=2))
+    u = OPENING + 0.005 * BOARD
+    runs = (
+        prescribed(lambda t: t * u, 0.03, TIMES[:17], 2, one),
+        prescribed(lambda t: t * u[order], 0.03, TIMES[:17], 2, two),
+    )
+    found, moved = (pd.crack_or_instability(SILLING, f, run) for f, run in zip((one, two), runs, strict=True))
     assert len(found.bursts) > 2 and "approximation" in found.notes[0]
     for a, b in zip(found.bursts, moved.bursts, strict=True):
         assert (a.verdict, a.time, a.last, a.bonds, a.state) == (b.verdict, b.time, b.last, b.bonds, b.state)
-        assert b.zero_energy == pytest.approx(a.zero_energy, abs=1e-9)  # measured 1e-14
+        assert b.zero_energy == pytest.approx(a.zero_energy, abs=1e-12)  # measured 3e-16
         assert np.abs(a.place - b.place).max() < 1e-12
     assert np.array_equal(found.damage[order], moved.damage) and np.array_equal(found.burst_of[order], moved.burst_of)
 
 
 def test_a_run_in_which_nothing_broke_says_so():
-    run = prescribed(LPS, FAMILIES, lambda t: t * OPENING, pd.CriticalStretch(9.0))
+    run = prescribed(lambda t: t * OPENING, 9.0)
     found = pd.crack_or_instability(LPS, FAMILIES, run)
     assert found.verdict == "nothing broke" == str(found) and found.bursts == () and not found.damage.any()
     assert found.counts == {"crack": 0, "instability first": 0, "undecided": 0} and (found.burst_of == -1).all()
@@ -165,12 +179,11 @@ def test_bursts_are_connected_in_space_and_lie_between_two_states():
 
 
 def test_coarse_states_leave_the_verdict_open_and_finer_ones_decide_it():
-    criterion, times = pd.CriticalStretch(0.03), np.linspace(0, 1, 41)
     for every in (16, 40):
-        run = prescribed(LPS, FAMILIES, lambda t: t**4 * OPENING, criterion, times, every)
+        run = prescribed(lambda t: t**4 * OPENING, 0.03, every=every)
         coarse = pd.crack_or_instability(LPS, FAMILIES, run)
         assert coarse.verdict == "undecided" and "smaller save_every" in coarse.bursts[0].why
-    fine = pd.crack_or_instability(LPS, FAMILIES, prescribed(LPS, FAMILIES, lambda t: t**4 * OPENING, criterion, times))
+    fine = pd.crack_or_instability(LPS, FAMILIES, prescribed(lambda t: t**4 * OPENING, 0.03))
     assert fine.verdict == "crack" and fine.counts["undecided"] == 0
 
 
@@ -187,17 +200,19 @@ def test_an_instability_that_has_no_time_to_grow_does_not_count():
     run = at_once(FAMILIES, -0.1 * X, centre())
     light, heavy = (pd.crack_or_instability(SVK, FAMILIES, run, density=rho) for rho in (1.0, 1e6))
     assert (
-        light.verdict == "instability first" and heavy.verdict == "crack" and "no time to grow" in heavy.bursts[0].why
+        light.verdict == "instability first"
+        and heavy.verdict == "crack"
+        and "no time to become unstable" in heavy.bursts[0].why
     )
     margin, speed = light.bursts[0].margin, np.sqrt(1.3 + 2 * 0.7)
     exact = np.sqrt(margin) * speed * 2 * np.sqrt(2) / H
-    assert light.bursts[0].growth == pytest.approx(exact, rel=1e-3)  # the lattice's own modulus; measured 1e-12
+    assert light.bursts[0].growth == pytest.approx(exact, rel=1e-12)  # measured 0
     assert heavy.bursts[0].growth == pytest.approx(1e-3 * light.bursts[0].growth, rel=1e-12)
 
 
 def test_a_path_of_equilibria_is_judged_by_the_state_before_the_load_step():
     """Its state at a load factor is the one after the bonds have broken."""
-    run = prescribed(LPS, FAMILIES, lambda t: t * OPENING, pd.CriticalStretch(0.03))
+    run = prescribed(lambda t: t * OPENING, 0.03)
     found = pd.crack_or_instability(LPS, FAMILIES, Path(run.times, run.u, run.broken_at))
     assert found.verdict == "crack" and found.abscissa == "load factor" and "load factor = " in str(found)
     assert all(run.times[burst.state] < burst.time and burst.step == burst.state + 1 for burst in found.bursts)
@@ -205,7 +220,7 @@ def test_a_path_of_equilibria_is_judged_by_the_state_before_the_load_step():
 
 def test_the_text_and_the_dictionary_tell_all():
     u = lambda t: 0.002 * X + 0.02 * t * BOARD  # noqa: E731
-    found = pd.crack_or_instability(SILLING, FAMILIES, prescribed(SILLING, FAMILIES, u, pd.CriticalStretch(0.03)))
+    found = pd.crack_or_instability(SILLING, FAMILIES, prescribed(u, 0.03))
     assert str(found).startswith("instability first: ") and f"t = {found.bursts[0].time:.6g}" in str(found)
     whole = json.loads(json.dumps(found.as_dict()))
     assert whole["verdict"] == "instability first" and len(whole["bursts"]) == len(found.bursts)
