@@ -212,7 +212,8 @@ def failure(motion: Motion, state: State, saved: State, dt: float, critical: tup
     least = float(np.fmin(*critical))
     if np.isfinite(least):
         why += f"; dt {dt:.4g} is {'above' if dt > least else 'below'} the critical step"
-        why += f" ({critical[0]:.4g} at the start, {critical[1]:.4g} at the last save)"
+        why += f" ({critical[0]:.4g} at the start, {critical[1]:.4g} at the last save"
+        why += ")" if state.bonds is None else " without the broken bonds)"
         if dt <= least:
             why += ": the step is small enough, and the motion itself grows"
     return Failure(time, int(state.step), point, position, mode, wave, least, why)

@@ -184,6 +184,19 @@ def _warn_beyond(duration: float, dt: float, saves: int, every: int) -> None:
         )
 
 
+def _warn_shattered(state: State) -> None:
+    """Warn if more than half of all bonds break at the start, before anything has moved."""
+    if state.bonds is None:
+        return
+    alive, left = (float(np.sum(np.asarray(x))) / 2 for x in (state.bonds.alive, state.bonds.left))
+    if left < 0.5 * alive:
+        warnings.warn(
+            f"{alive - left:.0f} of {alive:.0f} bonds break in the first step, before anything has moved; check that"
+            " the criterion is in the units of the body, or start from a smaller displacement",
+            stacklevel=5,
+        )
+
+
 class _Keeper:
     """Writes a checkpoint every `every` saves, or less often, so that writing takes at most a twentieth of the run."""
 
@@ -236,6 +249,7 @@ def _watch(motion: Motion, observers, dt, saves, every, fields, path, checkpoint
     ready, host = motion.prepared(), _Host(motion, observers)
     observers = {n: o for n, o in observers.items() if n not in host.observers}
     state, first = _go_on(ready, observers, before_start(motion), step, one, fields)
+    _warn_shattered(state)
     first = host.added(first, state)
     records, name = [first], ""
     if path is not None:
@@ -316,10 +330,10 @@ def _diagnose(motion: Motion, state: State, saved: State, dt: float) -> Failure:
 
 
 def _damaged(motion: Motion, state: State) -> Motion:
-    """The motion of the body with the bonds of this state."""
+    """The motion of the body with the bonds that are left after this state."""
     if state.bonds is None:
         return motion
-    families = motion.scene.families.with_share(state.bonds.alive)
+    families = motion.scene.families.with_share(state.bonds.left)
     return eqx.tree_at(lambda m: (m.scene.families, m.breaking), motion, (families, None), is_leaf=lambda x: x is None)
 
 
