@@ -1,11 +1,16 @@
 """Bonds of models with a shape tensor: fragments, no NaN, and sums over the bonds that remain."""
 
+import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
 import pdjax as pd
+from pdjax.finite_body.damage import few_points, fragments
 from pdjax.finite_body.damage.fragments import LEAST, without_fragments
+from pdjax.finite_body.dynamics import breaking
+from pdjax.force.backends import padded
 
 LAW = pd.LinearElastic(1.0, 1.0)
 BODY = pd.lattice((14, 9))
@@ -29,6 +34,12 @@ def torn(model, families=NOTCHED, share=0.3, steps=60):
     settings = {"dt": share * critical, "save_every": 10, "show_progress": False}
     watch = {"damage": pd.observers.damage()}
     return pd.simulate(motion, steps * critical, breaking=pd.CriticalStretch(0.05), observers=watch, **settings)
+
+
+def left_after(model, families, alive):
+    """The bonds that are left of `alive` without fragments, in a body that was whole before."""
+    before = jnp.asarray(families.weight) > 0
+    return np.asarray(without_fragments(model, families, before, jnp.asarray(alive)))
 
 
 def kept_by_hand(families, alive):
@@ -66,14 +77,14 @@ def test_a_fragment_is_a_point_that_has_lost_a_direction():
     back = neighbours, np.asarray(families.reverse)
     one_left, none_left = (x & x[back] for x in (one_left, none_left))
     kept = kept_by_hand(families, one_left)
-    assert kept[i] > LEAST and np.array_equal(without_fragments(model, families, jnp.asarray(one_left)), one_left)
+    assert kept[i] > LEAST and np.array_equal(left_after(model, families, one_left), one_left)
     assert kept_by_hand(families, none_left)[i] < 1e-12
-    after = np.asarray(without_fragments(model, families, jnp.asarray(none_left)))
+    after = left_after(model, families, none_left)
     assert not after[i].any() and np.array_equal(after, after[back])
     others = neighbours != i
     others[i] = False
     assert np.array_equal(after & others, none_left & others)
-    assert np.array_equal(without_fragments(pd.LPS(1.0, 0.6), families, jnp.asarray(none_left)), none_left)
+    assert np.array_equal(left_after(pd.LPS(1.0, 0.6), families, none_left), none_left)
 
 
 def test_fragments_take_their_neighbours_along():
@@ -84,10 +95,10 @@ def test_fragments_take_their_neighbours_along():
     x, y = body.positions.T
     j = np.asarray(families.neighbours)
     rung = alive & (y[:, None] != y[j]) & ~((x[:, None] < 1) & (x[j] < 1))  # only the first rung stays
-    left = jnp.asarray(alive & ~rung)
-    assert np.asarray(left).sum() == 2 * (5 + 5 + 1)
+    left = alive & ~rung
+    assert left.sum() == 2 * (5 + 5 + 1)
     # The two points of the rung keep both directions. All others are on a line. Without them, so are these two.
-    assert not np.asarray(without_fragments(MODELS["Silling"], families, left)).any()
+    assert not left_after(MODELS["Silling"], families, left).any()
 
 
 @pytest.mark.parametrize("unit", [1e-9, 1e6])
@@ -98,7 +109,7 @@ def test_fragments_do_not_depend_on_units(unit):
         alive, back = np.asarray(families.weight) > 0, (np.asarray(families.neighbours), np.asarray(families.reverse))
         keep = np.random.default_rng(0).random(alive.shape) < 0.75
         alive &= keep & keep[back]
-        masks.append(np.asarray(without_fragments(MODELS["Seth-Hill 1"], families, jnp.asarray(alive))))
+        masks.append(left_after(MODELS["Seth-Hill 1"], families, alive))
         assert masks[-1].any() and (masks[-1] != alive).any()
     assert np.array_equal(*masks)
 
@@ -148,3 +159,24 @@ def test_a_body_that_shatters_at_once_gives_a_warning():
     with pytest.warns(UserWarning, match=rf"{bonds} of {bonds} bonds break in the first step"):
         history = pd.simulate(motion, 1.0, dt=0.5, breaking=pd.CriticalStretch(1e-3), show_progress=False)
     assert f"{bonds} bonds broke, the first at t = 0" in str(history) and np.isfinite(history.u).all()
+
+
+@pytest.mark.parametrize("name", ["LPS", "Silling", "Seth-Hill 1"])
+@pytest.mark.parametrize("streamed", [False, True], ids=["whole", "streamed"])
+def test_a_break_at_few_points_is_that_of_the_whole_body(name, streamed, monkeypatch):
+    """Energy released, fragments and reference sums, computed at the points that change and at all points."""
+    if streamed:
+        monkeypatch.setattr(padded, "SMALL", 0)
+    model = (MODELS | {"LPS": pd.LPS(1.0, 0.6)})[name]
+    runs = []
+    for few in (few_points.FEW, 1):
+        for module in (few_points, fragments, breaking):
+            monkeypatch.setattr(module, "FEW", few)
+        families = eqx.tree_at(lambda f: f.volumes, NOTCHED, NOTCHED.volumes + 0)  # families that remember no program
+        jax.clear_caches()
+        runs.append(torn(model, families, steps=20))
+    few, all_ = runs
+    assert np.isfinite(few.broken_at).any() and np.array_equal(few.broken_at, all_.broken_at)
+    assert np.abs(few.u - all_.u).max() < 1e-12 * np.abs(all_.u).max()  # measured 1e-14
+    size = np.abs(all_.energies.released).max()
+    assert np.abs(few.energies.released - all_.energies.released).max() < 1e-12 * size  # measured 1e-15

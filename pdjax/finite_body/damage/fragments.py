@@ -20,6 +20,7 @@ from jaxtyping import Array, Bool, Float
 from ...geometry.bonds import Bonds, Families
 from ...models.base import AbstractModel
 from ...models.pointwise import each_point
+from .few_points import FEW, bonds_of, model_of, select
 
 # One bond off the line of all others keeps 2 % of K on a square lattice of N = 3. In a plate that Silling's model with
 # a control tears apart, LEAST from 1e-3 to 1e-1 breaks the same 336 bonds. In one that Seth–Hill m = 1 shatters, it
@@ -36,21 +37,42 @@ def _kept(model: AbstractModel, bonds: Bonds) -> Float[Array, "*tensors"]:
 
 
 def without_fragments(
-    model: AbstractModel, families: Families, alive: Bool[Array, "points bonds"]
+    model: AbstractModel, families: Families, before: Bool[Array, "points bonds"], after: Bool[Array, "points bonds"]
 ) -> Bool[Array, "points bonds"]:
     """The bonds that are left when all bonds of fragments have broken too. It works under jit.
 
-    `families` are those before the first break, and `alive` tells which bonds have not broken.
+    `families` are those before the first break. `before` and `after` tell which bonds have not broken before and after
+    this break; `before` has no fragments.
     """
     if not model.has_shape_tensor:
-        return alive
+        return after
+    changed = jnp.any(before != after, axis=1)
+
+    def some() -> Array:
+        """Whether the break makes a fragment of one of few points."""
+        points, real = select(changed)
+        at_rest = jnp.zeros((len(families), families.dim), families.dtype)
+        lost = _lost(model_of(model, len(families), points), bonds_of(families, at_rest, after, points))
+        return jnp.any(lost & (real[:, None] & after[points]))
+
+    any_lost = jax.lax.cond(jnp.sum(changed) <= FEW, some, lambda: jnp.asarray(True))
+    return jax.lax.cond(any_lost, lambda: _all_without_fragments(model, families, after), lambda: after)
+
+
+def _lost(model: AbstractModel, bonds: Bonds) -> Bool[Array, "points #bonds"]:
+    """Whether each bond breaks because its point is a fragment."""
+    lost = ~(_kept(model, bonds) >= LEAST)
+    return lost if lost.ndim == 2 else lost[:, None]
+
+
+def _all_without_fragments(model: AbstractModel, families: Families, alive: Array) -> Bool[Array, "points bonds"]:
     rest = families.bonds(jnp.zeros((len(families), families.dim), families.dtype))
     back = families.neighbours, families.reverse
 
     def fewer(alive: Array) -> Array:
         omega = jnp.where(alive, rest.omega, 0)
-        lost = ~(_kept(model, rest._replace(omega=omega, intact=rest.reference)) >= LEAST)
-        lost = jnp.broadcast_to(lost if lost.ndim == 2 else lost[:, None], alive.shape)
+        lost = _lost(model, rest._replace(omega=omega, intact=rest.reference))
+        lost = jnp.broadcast_to(lost, alive.shape)
         return alive & ~(lost | lost[back])
 
     def go_on(both: tuple[Array, Array]) -> Array:

@@ -29,6 +29,7 @@ from jaxtyping import Array, Bool, Float, Int
 from ..._internal.checks import Numbers
 from ...force.fields import energies
 from ..damage.criteria import Criterion
+from ..damage.few_points import FEW, bonds_of, model_of, select
 from ..damage.fragments import without_fragments
 from ..scene import Scene
 
@@ -40,13 +41,15 @@ class Broken(NamedTuple):
 
     `alive` (points, bonds) tells which bonds act in the force of this state, or with which share, and `left` which act
     in the next. `at` (points, bonds) is the number of the step at which a bond broke, −1 if it has not: with shares,
-    at which less than half of it was left. `released` is the energy [energy] that all breaks have released.
+    at which less than half of it was left. `released` is the energy [energy] that all breaks have released. `sums` are
+    the reference sums over the bonds that are alive, see `Backend.sums`, or None.
     """
 
     alive: Share
     left: Share
     at: Int[Array, "points bonds"]
     released: Float[Array, ""]
+    sums: Float[Array, "entries points"] | None
 
 
 def check_breaking(criterion: object, scene: Scene) -> None:
@@ -62,49 +65,77 @@ def check_breaking(criterion: object, scene: Scene) -> None:
 
 
 def unbroken(criterion: Criterion, scene: Scene) -> Broken:
-    """The bonds of a body before any has broken: those with a weight. Made by NumPy where the families are known."""
+    """The bonds of a body before any has broken: those with a weight. Made by NumPy where the families are known.
+
+    `scene` is prepared on padded arrays, with the way "families".
+    """
+    assert scene.operator is not None
     families = scene.families
     xp = jnp if isinstance(families.weight, jax.core.Tracer) else np
     alive = xp.asarray(families.weight) > 0
     alive = alive.astype(families.dtype) if criterion.smooth else alive
-    return Broken(alive, alive, xp.full(alive.shape, -1, xp.int32), xp.zeros((), families.dtype))
+    sums = scene.operator.backend.sums(scene.model)
+    return Broken(alive, alive, xp.full(alive.shape, -1, xp.int32), xp.zeros((), families.dtype), sums)
 
 
 def pulled(
-    scene: Scene, criterion: Criterion, u: Float[Array, "points dim"], factor: Array, alive: Share
-) -> tuple[Float[Array, "points dim"], Share]:
-    """V (f + λ b) of the bonds that are alive, and what is left of them after the break at u.
+    scene: Scene, criterion: Criterion, u: Float[Array, "points dim"], factor: Array, bonds: Broken
+) -> tuple[Float[Array, "points dim"], Broken]:
+    """V (f + λ b) of the bonds that are alive, and with them those that are left after the break at u.
 
     `scene` is prepared on padded arrays, with the way "families". For a critical stretch both come from one loop over
     the bonds.
     """
     assert scene.operator is not None
-    model, families, limit = scene.model, scene.families, criterion.limit(scene.families)
-    both = None
-    if limit is not None and model.keeps_reference:
-        both = scene.operator.backend.breaking(model, u, alive, limit)
-    if both is not None:
+    model, families, alive, limit = scene.model, scene.families, bonds.alive, criterion.limit(scene.families)
+    backend = scene.operator.backend
+    both = None if limit is None else backend.breaking(model, u, alive, limit, bonds.sums)
+    if both is None:
+        backend = backend.with_share(model, alive, bonds.sums)
+        force = eqx.tree_at(lambda s: s.operator.backend, scene, backend).unbalanced(u, factor)
+        left = criterion.left(model, families, u, alive)
+    else:
         f, hit = both
-        return families.volumes[:, None] * (f + factor * scene.load), alive & ~hit
-    backend = scene.operator.backend.with_share(model, alive)
-    force = eqx.tree_at(lambda s: s.operator.backend, scene, backend).unbalanced(u, factor)
-    left = criterion.left(model, families, u, alive)
+        force, left = families.volumes[:, None] * (f + factor * scene.load), alive & ~hit
     if model.has_shape_tensor:
-        left = jax.lax.cond(jnp.any(left != alive), lambda x: without_fragments(model, families, x), lambda x: x, left)
-    return force, left
+        left = jax.lax.cond(
+            jnp.any(left != alive), lambda: without_fragments(model, families, alive, left), lambda: left
+        )
+    return force, bonds._replace(left=left)
 
 
 def after_break(scene: Scene, u: Float[Array, "points dim"], step: Int[Array, ""], bonds: Broken) -> Broken:
-    """The bonds after the break of a step, with the energy released at u. A step without a break costs nothing."""
+    """The bonds after the break of a step, with the energy released at u. A step without a break costs nothing.
 
-    def broken() -> tuple[Array, Array]:
-        two = (scene.families.with_share(share) for share in (bonds.alive, bonds.left))
-        W = [energies(scene.model, families, families.bonds(u)) for families in two]
-        released = bonds.released + jnp.dot(scene.families.volumes, W[0] - W[1])
-        return released, jnp.where(_whole(bonds.alive) & ~_whole(bonds.left), step, bonds.at)
+    A break at few points costs little, because it changes only what belongs to these points.
+    """
+    assert scene.operator is not None
+    model, families, backend = scene.model, scene.families, scene.operator.backend
+    changed = jnp.any(bonds.left != bonds.alive, axis=1)
 
-    released, at = jax.lax.cond(jnp.any(bonds.left != bonds.alive), broken, lambda: (bonds.released, bonds.at))
-    return bonds._replace(alive=bonds.left, released=released, at=at)
+    def at_few() -> tuple[Array, Array | None]:
+        points, real = select(changed)
+        own = model_of(model, len(families), points)
+        before, after = (bonds_of(families, u, share, points) for share in (bonds.alive, bonds.left))
+        W = energies(own, families, before) - energies(own, families, after)
+        sums = None if bonds.sums is None else backend.new_sums(own, bonds.sums, after, points, real)
+        return jnp.sum(jnp.where(real, families.volumes[points] * W, 0.0)), sums
+
+    def at_all() -> tuple[Array, Array | None]:
+        two = (families.with_share(share) for share in (bonds.alive, bonds.left))
+        W = [energies(model, own, own.bonds(u)) for own in two]
+        sums = None if bonds.sums is None else backend.with_share(model, bonds.left, None).sums(model)
+        return jnp.dot(families.volumes, W[0] - W[1]), sums
+
+    def broken() -> tuple[Array, Array, Array | None]:
+        # The energy of a model that needs the other end changes at the neighbours too.
+        few = jnp.sum(changed) <= FEW
+        released, sums = at_all() if model.needs_other_end else jax.lax.cond(few, at_few, at_all)
+        at = jnp.where(_whole(bonds.alive) & ~_whole(bonds.left), step, bonds.at)
+        return bonds.released + released, at, sums
+
+    released, at, sums = jax.lax.cond(jnp.any(changed), broken, lambda: (bonds.released, bonds.at, bonds.sums))
+    return bonds._replace(alive=bonds.left, released=released, at=at, sums=sums)
 
 
 def _whole(share: Share) -> Bool[Array, "points bonds"]:

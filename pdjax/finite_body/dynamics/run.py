@@ -248,7 +248,7 @@ def _watch(motion: Motion, observers, dt, saves, every, fields, path, checkpoint
     step, one, many = np.asarray(dt, motion.start.dtype), np.int32(1), np.int32(every)
     ready, host = motion.prepared(), _Host(motion, observers)
     observers = {n: o for n, o in observers.items() if n not in host.observers}
-    state, first = _go_on(ready, observers, before_start(motion), step, one, fields)
+    state, first = _go_on(ready, observers, before_start(ready), step, one, fields)
     _warn_shattered(state)
     first = host.added(first, state)
     records, name = [first], ""

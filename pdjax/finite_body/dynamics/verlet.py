@@ -112,9 +112,8 @@ def initial_state(motion: Motion) -> State:
     if motion.breaking is None:
         force = motion.force(motion.start, factor)
     else:
-        bonds = unbroken(motion.breaking, motion.scene)
-        force, left = pulled(motion.prepared().scene, motion.breaking, motion.start, factor, bonds.alive)
-        bonds = bonds._replace(left=left)
+        ready = motion.prepared().scene
+        force, bonds = pulled(ready, motion.breaking, motion.start, factor, unbroken(motion.breaking, ready))
     finite = jnp.isfinite(force).all()
     number = jnp.zeros((), jnp.int32)
     return State(number, motion.start, motion.velocity, force, zero, zero, zero, finite, bonds)
@@ -159,8 +158,7 @@ def step(motion: Motion, state: State, dt: Float[Array, ""]) -> State:
         force = motion.force(u, after)
     else:
         bonds = after_break(motion.scene, 0.5 * (state.u + u), state.step, bonds)
-        force, left = pulled(motion.scene, motion.breaking, u, after, bonds.alive)
-        bonds = bonds._replace(left=left)
+        force, bonds = pulled(motion.scene, motion.breaking, u, after, bonds)
     v = jnp.where(free, (half + 0.5 * dt * force / mass) / (1 + c), rate * motion.scene.prescribed)
     moved = u - state.u
     pushed = -0.5 * jnp.sum(jnp.where(free, 0.0, (state.force + force) * moved))

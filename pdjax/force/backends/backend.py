@@ -11,11 +11,11 @@ from typing import ClassVar, Protocol
 
 import equinox as eqx
 import numpy as np
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Bool, Float, Int
 
 from ..._internal.checks import is_concrete
 from ..._internal.memory import remember
-from ...geometry.bonds import Families
+from ...geometry.bonds import Bonds, Families
 from ...models.base import AbstractModel
 
 
@@ -26,22 +26,48 @@ class Backend(eqx.Module):
     takes_complex: ClassVar[bool] = False  # whether `force` accepts complex displacements
     quick: ClassVar[bool] = False  # compiles with the options QUICK, where its program runs as fast with them
 
+    def sums(self, model: AbstractModel) -> Float[Array, "entries points"] | None:
+        """The reference sums of a model that takes them over the bonds that remain, if this backend keeps them."""
+        return None
+
+    def new_sums(
+        self,
+        model: AbstractModel,
+        sums: Float[Array, "entries points"],
+        bonds: Bonds,
+        points: Int[Array, " few"],
+        real: Bool[Array, " few"],
+    ) -> Float[Array, "entries points"]:
+        """The `sums` after the bonds of few points have changed to `bonds` (few, bonds).
+
+        `model` has the constants of these points. Entries of `points` that are not `real` are ignored.
+        """
+        raise NotImplementedError(f"the backend {type(self).__name__} keeps no reference sums")
+
     def with_share(
-        self, model: AbstractModel, share: Bool[Array, "points bonds"] | Float[Array, "points bonds"]
+        self,
+        model: AbstractModel,
+        share: Bool[Array, "points bonds"] | Float[Array, "points bonds"],
+        sums: Float[Array, "entries points"] | None,
     ) -> "Backend":
         """The backend of the body in which every bond keeps a share of its weight.
 
         Models that keep the reference sums (`keeps_reference`) take them over the intact family, others over the bonds
-        that remain.
+        that remain. `sums` are the latter, if they are known.
         """
         raise NotImplementedError(f"the backend {type(self).__name__} evaluates no broken bonds")
 
     def breaking(
-        self, model: AbstractModel, u: Float[Array, "points dim"], alive: Bool[Array, "points bonds"], limit: Array
+        self,
+        model: AbstractModel,
+        u: Float[Array, "points dim"],
+        alive: Bool[Array, "points bonds"],
+        limit: Array,
+        sums: Float[Array, "entries points"] | None,
     ) -> tuple[Float[Array, "points dim"], Bool[Array, "points bonds"]] | None:
         """f of the bonds that are alive, and those that are stretched above `limit`, in one loop over the bonds.
 
-        None if this backend or model has no such loop.
+        `sums` as in `with_share`. None if this backend or model has no such loop.
         """
         return None
 

@@ -30,7 +30,10 @@ class Whole(Backend):
     families: Families
 
     def with_share(
-        self, model: AbstractModel, share: Bool[Array, "points bonds"] | Float[Array, "points bonds"]
+        self,
+        model: AbstractModel,
+        share: Bool[Array, "points bonds"] | Float[Array, "points bonds"],
+        sums: Float[Array, "entries points"] | None,
     ) -> "Whole":
         """The backend with broken bonds; see `Backend.with_share`."""
         return Whole(self.families.with_share(share))

@@ -7,16 +7,23 @@ constants, and the families object keeps them. The forces themselves come from `
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Bool, Float, Int
 
 from ..._internal.checks import is_concrete
 from ..._internal.dependence import known_part
 from ..._internal.memory import remember
-from ...geometry.bonds import Families
+from ...geometry.bonds import Bonds, Families
 from ...models.base import AbstractModel, PointStateModel
 from ...models.pointwise import split_model
 from .backend import Backend
-from .streaming import breaks_in_the_loop, reference_moments, reference_sums, streamed_break, streamed_force
+from .streaming import (
+    breaks_in_the_loop,
+    reference_moments,
+    reference_sums,
+    streamed_break,
+    streamed_force,
+    sums_of_families,
+)
 from .traversal import SlotTraversal, Traversal
 
 
@@ -27,8 +34,28 @@ class Streamed(Backend):
     reference: Array  # (entries, flat)
     horizon: Array
 
+    def sums(self, model: AbstractModel) -> Float[Array, "entries points"] | None:
+        """The reference sums, if they change as bonds break; see `Backend.sums`."""
+        return None if model.keeps_reference else self.reference
+
+    def new_sums(
+        self,
+        model: AbstractModel,
+        sums: Float[Array, "entries points"],
+        bonds: Bonds,
+        points: Int[Array, " few"],
+        real: Bool[Array, " few"],
+    ) -> Float[Array, "entries points"]:
+        """The sums after few families have changed; see `Backend.new_sums`."""
+        assert isinstance(model, PointStateModel)
+        new = sums_of_families(model, bonds)
+        return sums.at[:, jnp.where(real, points, sums.shape[1])].set(new, mode="drop")
+
     def with_share(
-        self, model: AbstractModel, share: Bool[Array, "points bonds"] | Float[Array, "points bonds"]
+        self,
+        model: AbstractModel,
+        share: Bool[Array, "points bonds"] | Float[Array, "points bonds"],
+        sums: Float[Array, "entries points"] | None,
     ) -> "Streamed":
         """The backend with broken bonds; see `Backend.with_share`."""
         assert isinstance(self.traversal, SlotTraversal)
@@ -36,20 +63,26 @@ class Streamed(Backend):
         back = self.traversal.back if self.traversal.back is None else self.traversal.back * left
         omega = self.traversal.omega * left
         traversal = eqx.tree_at(lambda t: (t.omega, t.back), self.traversal, (omega, back), is_leaf=lambda x: x is None)
-        reference = self.reference
-        if not model.keeps_reference:
-            split = split_model(model, share.shape[0])
-            reference = reference_sums(split, traversal, traversal.xi.shape[0], self.horizon)
-        return Streamed(traversal, reference, self.horizon)
+        if model.keeps_reference:
+            sums = self.reference
+        elif sums is None:
+            sums = reference_sums(split_model(model, share.shape[0]), traversal, len(traversal.xi), self.horizon)
+        return Streamed(traversal, sums, self.horizon)
 
     def breaking(
-        self, model: AbstractModel, u: Float[Array, "points dim"], alive: Bool[Array, "points bonds"], limit: Array
+        self,
+        model: AbstractModel,
+        u: Float[Array, "points dim"],
+        alive: Bool[Array, "points bonds"],
+        limit: Array,
+        sums: Float[Array, "entries points"] | None,
     ) -> tuple[Float[Array, "points dim"], Bool[Array, "points bonds"]] | None:
         """f and the bonds above the limit; see `Backend.breaking`."""
         split = split_model(model, len(u))
         if not (isinstance(self.traversal, SlotTraversal) and breaks_in_the_loop(model, split, self.traversal)):
             return None
-        return streamed_break(split, self.traversal, self.reference, u, self.horizon, alive, limit)
+        reference = self.reference if sums is None else sums
+        return streamed_break(split, self.traversal, reference, u, self.horizon, alive, limit)
 
     def force(self, model: AbstractModel, u: Float[Array, "points dim"], F: Array | None) -> Float[Array, "points dim"]:
         """f of every point; see `Backend.force`."""

@@ -25,9 +25,9 @@ from jax.tree_util import PyTreeDef
 from jax.typing import DTypeLike
 from jaxtyping import Array, Bool, Float, PyTree
 
-from ...geometry.bonds import Bonds
+from ...geometry.bonds import EACH_BOND, Bonds
 from ...models.base import AbstractModel, PointStateModel, Sums
-from ...models.pointwise import directions_of_rest, split_model
+from ...models.pointwise import directions_of_rest, regular, split_model
 from .components import by_components, join
 from .traversal import LatticeTraversal, Slot, SlotTraversal, Traversal
 
@@ -235,6 +235,21 @@ def reference_sums(
     full = jax.vmap(lambda x, e, w, v: first.moments(Bonds(x, e, w, v, horizon))[0])(*bonds[:4])
     rows = jnp.concatenate([jnp.zeros(0, dtype), *(x.sum(axis=0).reshape(-1) for x in jax.tree.leaves(full))])
     return jnp.where(empty, rows[:, None], sums)
+
+
+def sums_of_families(model: PointStateModel, bonds: Bonds) -> Float[Array, "entries few"]:
+    """`reference_sums` of few families (few, bonds), whose points have the constants of `model`.
+
+    Families without bonds get those of the bonds at rest that `models.pointwise` defines.
+    """
+    varying, shared = split_model(model, len(bonds.xi))
+
+    def one(mine, bonds):
+        return jax.vmap(lambda bond: eqx.combine(mine, shared).moments(bond)[0], (EACH_BOND,))(bonds)
+
+    sums = jax.vmap(one)(varying, regular(bonds)[0])
+    rows = [jnp.sum(x, axis=1).reshape(len(bonds.xi), -1) for x in jax.tree.leaves(sums)]
+    return jnp.concatenate(rows, axis=1).T
 
 
 def _states(single: PointStateModel, of: Callable, own: list, dim: int, dtype: DTypeLike, sums: tuple, horizon: Array):
