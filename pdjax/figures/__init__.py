@@ -5,7 +5,7 @@ function uses pyplot or another global state of matplotlib: `figure.savefig(path
 
     maps and lattices  stability_map, dispersion, dispersion_curves, model_atlas
     bodies             scene, field, bars, neighbours
-    audits             audit, audit_states
+    audits             audit, audit_states, crack_or_instability
     motions            motion, cuboid, animation
     designs            pareto_front
     text               table
@@ -16,6 +16,7 @@ from .atlas import model_atlas
 from .audits import audit, audit_states
 from .charts import COLOURS, LABELS, SERIES, STYLES, BarCase, bars, dispersion, stability_map
 from .fields import field, scene
+from .fracture import crack_or_instability
 from .fronts import pareto_front
 from .motions import Branch, animation, cuboid, dispersion_curves, motion
 from .neighbours import neighbours
@@ -32,6 +33,7 @@ __all__ = [
     "audit",
     "audit_states",
     "bars",
+    "crack_or_instability",
     "cuboid",
     "dispersion",
     "dispersion_curves",

@@ -9,6 +9,11 @@ CRACK, INSTABILITY, UNDECIDED, NOTHING = "crack", "instability first", "undecide
 SHOWN = 6  # bursts that `print` lists
 
 
+def count_of(number: int, thing: str) -> str:
+    """Number and thing as text, such as "1 burst" or "2 bursts"."""
+    return f"{number} {thing}" + ("" if number == 1 else "s")
+
+
 class Burst(NamedTuple):
     """One burst of breaking bonds and its verdict.
 
@@ -120,21 +125,19 @@ class FractureVerdict:
         """The verdict, the counts, the first bursts and the notes, as text."""
         if not self.bursts:
             return "\n".join([NOTHING, *(f"note: {note}" for note in self.notes)])
-        told = [f"{n} {verdict} ({self.bonds[verdict]} bonds)" for verdict, n in self.counts.items() if n]
-        plural = "s" if len(self.bursts) > 1 else ""
-        lines = [f"{self.verdict}: {len(self.bursts)} burst{plural}, {', '.join(told)}"]
+        told = [f"{n} {verdict} ({count_of(self.bonds[verdict], 'bond')})" for verdict, n in self.counts.items() if n]
+        lines = [f"{self.verdict}: {count_of(len(self.bursts), 'burst')}, {', '.join(told)}"]
         shown = list(range(min(SHOWN, len(self.bursts))))
         if self.first_instability is not None and self.first_instability not in shown:
             shown[-1] = self.first_instability
         for burst in (self.bursts[n] for n in shown):
             where = ", ".join(f"{x:.4g}" for x in burst.place)
-            plural = "s" if burst.bonds > 1 else ""
             lines.append(
-                f"  {self.abscissa} = {burst.time:.6g} (step {burst.step}) at ({where}), {burst.bonds} bond{plural}:"
+                f"  {self.abscissa} = {burst.time:.6g} (step {burst.step}) at ({where}), {count_of(burst.bonds, 'bond')}:"
                 f" {burst.verdict}: {burst.why}"
             )
         if len(self.bursts) > len(shown):
-            lines.append(f"  and {len(self.bursts) - len(shown)} more bursts")
+            lines.append(f"  and {len(self.bursts) - len(shown)} more")
         return "\n".join([*lines, *(f"note: {note}" for note in self.notes)])
 
     def __repr__(self) -> str:
