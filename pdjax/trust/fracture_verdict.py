@@ -132,9 +132,10 @@ class FractureVerdict:
             shown[-1] = self.first_instability
         for burst in (self.bursts[n] for n in shown):
             where = ", ".join(f"{x:.4g}" for x in burst.place)
+            lost = count_of(burst.bonds, "bond")
             lines.append(
-                f"  {self.abscissa} = {burst.time:.6g} (step {burst.step}) at ({where}), {count_of(burst.bonds, 'bond')}:"
-                f" {burst.verdict}: {burst.why}"
+                f"  {self.abscissa} = {burst.time:.6g} (step {burst.step}) at ({where}), {lost}: {burst.verdict}:"
+                f" {burst.why}"
             )
         if len(self.bursts) > len(shown):
             lines.append(f"  and {len(self.bursts) - len(shown)} more")

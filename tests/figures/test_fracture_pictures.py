@@ -36,9 +36,9 @@ def test_colours_are_those_of_the_verdicts_and_of_the_damage(shape, kind, tmp_pa
     assert np.ma.getdata(marks[0].get_offsets())[1, 1] == 1.0  # collapsed matter is drawn at the upper end
     words = [text.get_text() for text in figure.legends[0].get_texts()]
     assert words == [
-        "crack: 1 bursts, 3 bonds",
-        "instability first: 1 bursts, 12 bonds",
-        "undecided: 1 bursts, 1 bonds",
+        "crack: 1 burst, 3 bonds",
+        "instability first: 1 burst, 12 bonds",
+        "undecided: 1 burst, 1 bond",
     ]
     assert figure.get_suptitle().startswith("crack: 3 bursts")
     figure.savefig(tmp_path / "picture.png", dpi=50)
