@@ -25,7 +25,7 @@ LOWEST, HIGHEST = -1.0, 1.0  # limits of the drawn margins; collapsed matter has
 TICKS = (-1.0, -0.1, -0.01, 0.0, 0.01, 0.1, 1.0)
 
 
-def _colours(found: FractureVerdict) -> np.ndarray:
+def colours_of(found: FractureVerdict) -> np.ndarray:
     """RGB colours (points, 3): that of the verdict of the first burst at a point, paler where few bonds broke."""
     colours = np.tile(to_rgb(WHOLE), (len(found.damage), 1))
     for i in np.flatnonzero(found.burst_of >= 0):
@@ -95,7 +95,7 @@ def crack_or_instability(points: Points, found: FractureVerdict, title: str = ""
     if points.dim == 3 and cut is None and found.bursts:
         cut = (2, float(found.bursts[0].place[2]))
     kept, across, layer = drawn_layer(points, cut)
-    colours, size = _colours(found), np.array([5.4, 3.4])
+    colours, size = colours_of(found), np.array([5.4, 3.4])
     if points.dim > 1:
         tiles = outlines(points, points.positions, kept, across)
         size = on_page(np.ptp(tiles.reshape(-1, 2), axis=0))[1]
