@@ -63,6 +63,11 @@ def with_penalty(name: str, g: float) -> pd.AbstractModel:
     return pd.Correspondence(LAW, control) if ORDERS[name] is None else pd.SethHill(ORDERS[name], LAW, control)
 
 
+def opening(t):
+    """The opening of the plate at a time."""
+    return SPEED * t
+
+
 class Plate:
     """The notched plate of `cells` points, whose spacing is 1."""
 
@@ -82,7 +87,7 @@ class Plate:
         side = np.sign(self.body.positions[:, 1] - self.height / 2)[:, None] * [0.0, 0.5]
         scene = pd.scene(self.body, self.families, model, pd.prescribe(self.held, side[self.held]))
         velocity = SPEED * (self.body.positions - [0.0, self.height / 2]) / self.height * [0.0, 1.0]
-        motion = pd.motion(scene, schedule=lambda t: SPEED * t, velocity=velocity)
+        motion = pd.motion(scene, schedule=opening, velocity=velocity)
         history = pd.simulate(
             motion,
             STRAIN * self.height / SPEED,
