@@ -22,7 +22,7 @@ class BrokenTogether(NamedTuple):
 
     `state` is the number of the last stored state before the burst, −1 if there is none. `first` and `last` are the
     times or load factors at which its first and last bond broke. `here` and `there` (bonds,) are the ends of its bonds,
-    and `leads` (bonds,) tells which of them broke at `first`.
+    `slot` (bonds,) their slots in the families of `here`, and `leads` (bonds,) tells which of them broke at `first`.
     """
 
     state: int
@@ -30,6 +30,7 @@ class BrokenTogether(NamedTuple):
     last: float
     here: np.ndarray
     there: np.ndarray
+    slot: np.ndarray
     leads: np.ndarray
 
     @property
@@ -46,7 +47,6 @@ def bursts_of(
     `broken_at` is inf for a bond that did not break. `state` is the number of the last stored state before it broke.
     """
     neighbours, real = np.asarray(families.neighbours), np.asarray(families.weight) > 0
-    X = np.asarray(families.positions, float)
     i, slot = np.nonzero(np.isfinite(broken_at) & np.asarray(families.is_bond))
     once = i < neighbours[i, slot]
     i, slot = i[once], slot[once]
@@ -67,15 +67,13 @@ def bursts_of(
         for burst in range(label.max() + 1):
             bonds = mine[label == burst]
             times = at[bonds]
-            found.append(
-                BrokenTogether(
-                    int(number), float(times.min()), float(times.max()), i[bonds], j[bonds], times == times.min()
-                )
-            )
-    return sorted(found, key=lambda b: (b.first, *place_of(X, b)))
+            first, last = float(times.min()), float(times.max())
+            leads = times == times.min()
+            found.append(BrokenTogether(int(number), first, last, i[bonds], j[bonds], slot[bonds], leads))
+    return sorted(found, key=lambda b: (b.first, *place_of(families, b)))
 
 
-def place_of(positions: Float[np.ndarray, "points dim"], burst: BrokenTogether) -> np.ndarray:
+def place_of(families: Families, burst: BrokenTogether) -> np.ndarray:
     """Centre (dim,) of the bonds that broke first, in the reference configuration [length]."""
-    i, j = burst.here[burst.leads], burst.there[burst.leads]
-    return (positions[i] + positions[j]).mean(axis=0) / 2
+    i, slot = burst.here[burst.leads], burst.slot[burst.leads]
+    return (np.asarray(families.positions, float)[i] + np.asarray(families.xi, float)[i, slot] / 2).mean(axis=0)

@@ -41,7 +41,7 @@ from .auditor import Auditor
 from .bursts import BrokenTogether, bursts_of, place_of
 from .checks import ALTERNATING, VARYING
 from .fracture_verdict import CRACK, INSTABILITY, UNDECIDED, Burst, FractureVerdict
-from .surroundings import Around, Margin, States, margins_around, read_states, surroundings
+from .surroundings import Around, Margin, States, margins_around, most_strained_first, read_states, surroundings
 
 SOFT = 0.01  # −margin of a lattice that hardly resists some wave; LPS has 0.07 and BondBased 0.09 (N = 3, 2D, at rest)
 COARSE = 0.5  # change of the strains between the stored state and the break, relative to them, that is too much
@@ -69,7 +69,7 @@ def _judged(
         return INSTABILITY, f"{state} zero-energy modes of a soft lattice took up the strain: {measured}"
     if around.change > COARSE:
         change = "by an unknown amount" if np.isinf(around.change) else f"by {100 * around.change:.0f} %"
-        advice = "take smaller load steps" if states.after else "take a smaller save_every"
+        advice = "take smaller load steps" if states.path else "take a smaller save_every"
         return UNDECIDED, f"{state} nothing was unstable, but up to the break the strains change {change}: {advice}"
     kind = "was stable" if margin.value < -margin.rounding else "was marginal"
     if margin.value > margin.rounding:
@@ -81,7 +81,7 @@ def _growth_of_one(auditor: Auditor, density: Any, states: States) -> np.ndarray
     """The rate (points,) [1/time] of a margin of 1, None if it is not known."""
     if density is None:
         return None
-    if states.after:
+    if states.path:
         raise ValueError("density is for a motion, and this run is a path of equilibria: leave density out")
     rho = finite("density", density)
     if (rho <= 0).any() or rho.shape not in ((), (len(auditor.families),)):
@@ -149,11 +149,12 @@ def crack_or_instability(
     families.need_arrays()
     states = read_states(run, families)
     found = bursts_of(families, states.broken_at, states.last_before())
+    found = [most_strained_first(families, states, burst) for burst in found]
     auditor = Auditor(model, families, held_components(held, families))
     rate = _growth_of_one(auditor, density, states)
     around = surroundings(auditor, states, found)
     margins, error = margins_around(auditor, around)
-    X, bursts, first = np.asarray(families.positions, float), [], np.full(len(families), -1)
+    bursts, first = [], np.full(len(families), -1)
     for number, (burst, near, margin) in enumerate(zip(found, around, margins, strict=True)):
         growth = None
         if rate is not None and near is not None and margin is not None:
@@ -165,9 +166,9 @@ def crack_or_instability(
                 verdict,
                 burst.first,
                 burst.last,
-                burst.state + states.after if states.dt is None else round(burst.first / float(states.dt)),
+                states.step_of(burst),
                 burst.state,
-                place_of(X, burst),
+                place_of(families, burst),
                 len(burst.here),
                 np.nan if margin is None else margin.value,
                 np.nan if near is None else near.share,

@@ -25,31 +25,46 @@ from .checks import alternating_shares, zero_energy_shares
 from .own_lattice import OwnLattice, own_lattice
 
 FINER = 3  # times as many bins of stretches as in an audit: here they serve all states of a run
+EQUAL = 0.01  # bonds of a load step count as strained equally within this part
 ROOM = 4  # one in so many points must reach a value
 
 
 class States(NamedTuple):
     """What is read of a run: its times or load factors, its displacements, and when its bonds broke.
 
-    The state of a motion at the time at which a bond broke is the one that broke it. The state of a path of equilibria
-    at that load factor, `after`, is the one after the break. `dt` is the time step of a motion, if it has one.
+    The state of a motion at the time at which a bond broke is the one that broke it. A path of equilibria, `path`, may
+    have two states at the load factor at which bonds broke: `settled` is False for the one before the first break. A
+    settled state is the one after the break. `dt` is the time step of a motion, if it has one.
     """
 
     abscissa: str
     at: np.ndarray
     u: np.ndarray
     broken_at: np.ndarray
-    after: bool
+    path: bool
+    settled: np.ndarray
     dt: float | None
 
     def last_before(self) -> np.ndarray:
         """The number (points, bonds) of the last state before each bond broke, −1 if there is none."""
-        before = np.searchsorted(self.at, self.broken_at, side="left" if self.after else "right")
-        return before - 1
+        if not self.path:
+            return np.searchsorted(self.at, self.broken_at, side="right") - 1
+        first = np.searchsorted(self.at, self.broken_at, side="left")
+        there = np.minimum(first, len(self.at) - 1)
+        loaded = (self.at[there] == self.broken_at) & ~self.settled[there]
+        return np.where(loaded, first, first - 1)
+
+    def step_of(self, burst: BrokenTogether) -> int:
+        """Number of the time step or of the load step in which the first bond broke."""
+        if self.path:
+            return len(np.unique(self.at[self.at < burst.first]))
+        return burst.state if self.dt is None else round(burst.first / float(self.dt))
 
     def remaining(self, families: Families, state: int) -> Families:
         """The families with the bonds that were left in a state."""
-        gone = self.broken_at <= self.at[state] if self.after else self.broken_at < self.at[state]
+        gone = self.broken_at < self.at[state]
+        if self.path and self.settled[state]:
+            gone = self.broken_at <= self.at[state]
         return families.with_broken(gone) if gone.any() else families
 
 
@@ -97,8 +112,9 @@ def read_states(run: Any, families: Families) -> States:
     back = broken[np.asarray(families.neighbours), np.asarray(families.reverse)]
     if ((broken != back) & is_bond).any():
         raise ValueError("broken_at must have the same value at both ends of a bond; these families are of another run")
-    motion = name == "times"
-    return States("t" if motion else "load factor", at, u, broken, not motion, getattr(run, "dt", None))
+    path = name == "load_factors"
+    settled = np.asarray(getattr(run, "settled", np.ones(len(at), bool)))
+    return States("load factor" if path else "t", at, u, broken, path, settled, getattr(run, "dt", None))
 
 
 def _last_of_quarter(points: int) -> int:
@@ -117,6 +133,20 @@ def _strains(families: Families, points: np.ndarray, u: np.ndarray) -> np.ndarra
     eta = (u[np.asarray(families.neighbours)[points]] - u[points][:, None]).astype(float)
     twice = (2 * xi * eta + eta * eta).sum(axis=-1) / (xi * xi).sum(axis=-1)
     return (twice / (1 + np.sqrt(np.maximum(1 + twice, 0.0))))[np.asarray(families.weight)[points] > 0]
+
+
+def most_strained_first(families: Families, states: States, burst: BrokenTogether) -> BrokenTogether:
+    """The burst of a path, whose first bonds are those that were strained most in the state before.
+
+    All bonds of a load step break at the same load factor, so their order is not known. In a jump of a crack the far
+    bonds break because the near ones have broken.
+    """
+    if not states.path or burst.state < 0:
+        return burst
+    u, xi = states.u[burst.state].astype(float), np.asarray(families.xi, float)[burst.here, burst.slot]
+    eta = u[burst.there] - u[burst.here]
+    strain = np.linalg.norm(xi + eta, axis=1) / np.linalg.norm(xi, axis=1) - 1
+    return burst._replace(leads=strain >= strain.max() - EQUAL * abs(strain.max()))
 
 
 def _change(states: States, remaining: Families, points: np.ndarray, burst: BrokenTogether) -> float:

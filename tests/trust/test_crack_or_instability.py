@@ -218,6 +218,26 @@ def test_a_path_of_equilibria_is_judged_by_the_state_before_the_load_step():
     assert all(run.times[burst.state] < burst.time and burst.step == burst.state + 1 for burst in found.bursts)
 
 
+def test_a_path_with_the_state_before_the_break_is_judged_by_that_state():
+    """`solve_breaking` keeps two states of a load step in which bonds break. The most strained bonds count as first."""
+    u, at = 0.15 * OPENING, np.full(FAMILIES.weight.shape, np.inf)
+    run = prescribed(lambda t: t * u, 0.01, times=np.array([0.0, 0.5, 1.0]))
+    at[np.isfinite(run.broken_at)] = 1.0
+    path = Path(np.array([0.0, 0.5, 1.0, 1.0]), np.stack([0 * u, u / 2, u, 1.1 * u]), at)
+    path.settled = np.array([True, True, False, True])
+    found = pd.crack_or_instability(LPS, FAMILIES, path)
+    (burst,) = found.bursts
+    assert (
+        found.verdict == "crack" and burst.state == 2 and burst.step == 2 and burst.bonds == np.isfinite(at).sum() / 2
+    )
+    assert burst.margin == pytest.approx(-0.066, abs=1e-3)  # measured -0.0659, as before the break
+    assert abs(burst.place[0] - MIDDLE[0]) < 0.1 * H
+    path.u = path.u[[0, 0, 2, 3]]  # no rate is needed: the judged state is the one that broke the bonds
+    assert pd.crack_or_instability(LPS, FAMILIES, path).verdict == "crack"
+    path.settled = np.ones(4, bool)  # then the state before is the last one of a smaller load
+    assert pd.crack_or_instability(LPS, FAMILIES, path).bursts[0].state == 1
+
+
 def test_the_text_and_the_dictionary_tell_all():
     u = lambda t: 0.002 * X + 0.02 * t * BOARD  # noqa: E731
     found = pd.crack_or_instability(SILLING, FAMILIES, prescribed(u, 0.03))
