@@ -180,7 +180,10 @@ def step(motion: Motion, state: State, dt: Float[Array, ""]) -> State:
         finite,
         bonds,
     )
-    return jax.tree.map(lambda old, x: jnp.where(finite, x, old), state._replace(finite=finite), new)
+    kept = jax.tree.map(
+        lambda old, x: jnp.where(finite, x, old), state._replace(finite=finite, bonds=None), new._replace(bonds=None)
+    )
+    return kept._replace(bonds=bonds)  # In a state that is not finite no bond breaks, so the old bonds are the same.
 
 
 def advance(motion: Motion, state: State, dt: Float[Array, ""], steps: int) -> State:

@@ -59,10 +59,7 @@ class Streamed(Backend):
     ) -> "Streamed":
         """The backend with broken bonds; see `Backend.with_share`."""
         assert isinstance(self.traversal, SlotTraversal)
-        left = share.T.astype(self.traversal.omega.dtype)
-        back = self.traversal.back if self.traversal.back is None else self.traversal.back * left
-        omega = self.traversal.omega * left
-        traversal = eqx.tree_at(lambda t: (t.omega, t.back), self.traversal, (omega, back), is_leaf=lambda x: x is None)
+        traversal = eqx.tree_at(lambda t: t.share, self.traversal, share.T, is_leaf=lambda x: x is None)
         if model.keeps_reference:
             sums = self.reference
         elif sums is None:

@@ -276,16 +276,24 @@ def state_rows(model: PointStateModel, dim: int, dtype: DTypeLike, sums: tuple[A
 
 
 def _pull_of_both(
-    force: Callable, own: list, traversal: Traversal, states: tuple, here: list[Array], slot: Slot, bond: Bonds
+    force: Callable,
+    own: list,
+    traversal: Traversal,
+    states: tuple,
+    here: list[Array],
+    slot: Slot,
+    bond: Bonds,
+    read: list,
 ) -> tuple[Any, Any]:
     """The weight and the force of the bonds of one slot, where a bond has the force of the sum of both states.
 
-    `states` are the structure, the shapes and the rows of the states, and `here` their rows at the points.
+    `states` are the structure, the shapes and the rows of the states, and `here` their rows at the points. `read` lists
+    the parts of `bond` that are expensive to read again.
     """
     structure, shapes, rows = states
     summed = [a + traversal.far(x, slot) for a, x in zip(here, rows, strict=True)]
     both = _trees(structure, shapes, summed)
-    dear = traversal.dear(*bond.eta, *summed)
+    dear = traversal.dear(*read, *summed)
     total = by_components(force, traversal.volumes.dtype, traversal.one, dear)(own, both, both, bond)
     return bond.volume[()] * (1.0 if shapes else 2.0), total
 
@@ -322,7 +330,8 @@ def streamed_force(
     def body(slot):
         bond = _bond(traversal, opened, u_here, gradient, slot, volumes, horizon)
         if alike:
-            weight, total = _pull_of_both(force, mine, traversal, (structure, shapes, states), a_here, slot, bond)
+            of = structure, shapes, states
+            weight, total = _pull_of_both(force, mine, traversal, of, a_here, slot, bond, list(bond.eta))
             if pairs:
                 weight = weight * traversal.filled
             return [weight * x for x in total]
@@ -362,7 +371,7 @@ def streamed_break(
     dim, dtype = u.shape[1], traversal.volumes.dtype
     varying = _Varying(split, traversal)
     model, live = varying.single(), alive.T
-    traversal = eqx.tree_at(lambda t: t.omega, traversal, jnp.where(live, traversal.omega, 0))
+    traversal = eqx.tree_at(lambda t: t.share, traversal, live, is_leaf=lambda x: x is None)
     U = traversal.embed(u.astype(dtype))
     deformed = _sum_moments(varying, traversal, 1, U, None, horizon)
     structure, shapes, rows = _states(model, varying.model, [], dim, dtype, (reference, deformed), horizon)
@@ -378,7 +387,10 @@ def streamed_break(
         number, left, most = numbers
         slot = traversal.slot(number)
         bond = _bond(traversal, opened, opened, None, slot, volumes, horizon)
-        weight, t = _pull_of_both(force, [], traversal, (structure, shapes, states), states, slot, bond)
+        # Divided by 1, η is stored (see `components`). XLA would gather it twice, for the force and for the stretch.
+        for k in range(dim):
+            bond.eta[k] = bond.eta[k] / traversal.one
+        weight, t = _pull_of_both(force, [], traversal, (structure, shapes, states), states, slot, bond, [])
         grown = sum((2 * a + b) * b for a, b in zip(bond.xi, bond.eta, strict=True))
         square = sum(a * a for a in bond.xi)
         return [a + weight * x for a, x in zip(total, t, strict=True)], left & (grown > most * (2 + most) * square)

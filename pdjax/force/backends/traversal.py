@@ -25,7 +25,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Bool, Float, Int
 
 from ..._internal.checks import namespace, on_device, on_host
 from ...geometry.bonds import Families, Grid
@@ -76,6 +76,7 @@ class SlotTraversal(eqx.Module):
     back: Float[Array, "slots flat"] | None
     volumes: Float[Array, " flat"]
     one: Float[Array, ""]  # 1, an input whose value the compiler does not see (see `components`)
+    share: Bool[Array, "slots flat"] | Float[Array, "slots flat"] | None = None  # what is left of bonds that break
 
     @staticmethod
     def of(families: Families) -> "SlotTraversal":
@@ -119,8 +120,10 @@ class SlotTraversal(eqx.Module):
 
     def slot(self, number: Array) -> Slot:
         """One slot of the traversal."""
-        back = None if self.back is None else self.back[number]
-        return Slot(self.neighbours[number], [x[number] for x in self.xi], self.omega[number], back)
+        omega, back = self.omega[number], None if self.back is None else self.back[number]
+        if self.share is not None:
+            omega, back = omega * self.share[number], None if back is None else back * self.share[number]
+        return Slot(self.neighbours[number], [x[number] for x in self.xi], omega, back)
 
 
 class LatticeTraversal(eqx.Module):
