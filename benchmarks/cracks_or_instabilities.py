@@ -30,6 +30,12 @@ from pdjax.figures.fracture import VERDICT_COLOURS, colours_of
 jax.config.update("jax_enable_x64", True)
 LAW, N, STRETCH, SPEED, STRAIN = pd.LinearElastic(1.0, 1.0), 3.015, 0.02, 0.008, 0.014
 LOADS, LOAD = ["hydrostatic", "uniaxial-strain", "simple-shear"], 0.03
+FINE = [(name, control) for name in ("Silling", "Seth–Hill m = 1") for control in ("none", "designed")]
+# The references have no control. In the picture they stand beside these rows.
+REFERENCES = {
+    ("LPS", "none"): pd.LPS(2.0, 1.0),
+    ("bond-based", "designed"): pd.BondBased.from_family(2.0, pd.lattice_family(2, N)),
+}
 MANY = 50  # bonds that break while the crack of the coarse plate grows by about two horizons
 WEAK = -0.02  # worst margin of the weak control
 CONTROLS = ("none", "weak", "designed")
@@ -130,25 +136,24 @@ class Plate:
         }, found
 
 
-def draw(panels: dict[str, tuple[Plate, pd.FractureVerdict]], columns: int) -> Figure:
-    """The damage of all runs, in the colours of the verdicts."""
-    rows = -(-len(panels) // columns)
-    figure = Figure(figsize=(3.1 * columns, 2.35 * rows + 0.4), layout="constrained")
-    for axes, (name, (plate, found)) in zip(
-        figure.subplots(rows, columns, squeeze=False).flat, panels.items(), strict=False
-    ):
+def draw(panels: dict[tuple[str, str, str], tuple[Plate, pd.FractureVerdict]]) -> Figure:
+    """The damage of all runs in the colours of the verdicts: a column for each model, a row for a plate and a control."""
+    rows = sorted({(points, control) for points, _, control in panels}, key=lambda r: (r[0], CONTROLS.index(r[1])))
+    figure = Figure(figsize=(3.1 * (len(ORDERS) + 1), 2.3 * len(rows) + 0.4), layout="constrained")
+    grid = figure.subplots(len(rows), len(ORDERS) + 1, squeeze=False)
+    for axes in grid.flat:
+        axes.set_axis_off()
+    for (points, name, control), (plate, found) in panels.items():
+        column = list(ORDERS).index(name) if name in ORDERS else len(ORDERS)
+        axes = grid[rows.index((points, control)), column]
         image = colours_of(found).reshape(*plate.cells, 3).transpose(1, 0, 2)
         axes.imshow(image, origin="lower", extent=(0, plate.width, 0, plate.height))
         axes.plot([0, plate.tip], [plate.height / 2] * 2, color="black", linewidth=1.5)
-        axes.set(xticks=[], yticks=[])
-        axes.set_title(name, fontsize=9)
+        axes.set_title(f"{name}{f', control: {control}' if name in ORDERS else ''}, {points}", fontsize=8)
     for verdict, colour in VERDICT_COLOURS.items():
-        figure.axes[0].plot([], [], "s", color=colour, label=verdict)
-    for axes in figure.axes[len(panels) :]:
-        axes.set_axis_off()
-    figure.legend(
-        *figure.axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=3, frameon=False, fontsize=9
-    )
+        grid[0, 0].plot([], [], "s", color=colour, label=verdict)
+    marks = grid[0, 0].get_legend_handles_labels()
+    figure.legend(*marks, loc="outside lower center", ncols=3, frameon=False, fontsize=9)
     return figure
 
 
@@ -156,20 +161,20 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--quick", action="store_true", help="the coarse plate only")
     quick = parser.parse_args().quick
-    coarse, numbers, panels = 36, {"rows": []}, {}
-    numbers["strengths"] = strengths()
-    print(numbers["strengths"], flush=True)
+    coarse, numbers, panels = 36, {"strengths": strengths(), "rows": []}, {}
     for cells in [(36, 24)] if quick else [(36, 24), (72, 48)]:
-        plate, panels = Plate(cells, coarse), {}
+        plate, points = Plate(cells, coarse), " × ".join(map(str, cells))
         cases = [(name, control) for control in CONTROLS for name in ORDERS]
-        models = {f"{n}, control: {c}": model_of(n, numbers["strengths"][n][c]) for n, c in cases}
-        models |= {"LPS": pd.LPS(2.0, 1.0), "bond-based": pd.BondBased.from_family(2.0, pd.lattice_family(2, N))}
-        for name, model in models.items():
+        if cells[0] > coarse:
+            cases = [case for case in cases if case in FINE]
+        for name, control in [*cases, *REFERENCES]:
+            model = REFERENCES.get((name, control)) or model_of(name, numbers["strengths"][name][control])
             row, found = plate.row(model)
-            numbers["rows"].append({"points": " × ".join(map(str, cells)), "model": name} | row)
-            panels[name] = plate, found
-            print(name, row, flush=True)
-    write("cracks_or_instabilities-quick" if quick else "cracks_or_instabilities", numbers, draw(panels, 3))
+            own = control if name in ORDERS else "none needed"
+            numbers["rows"].append({"points": points, "model": name, "control": own} | row)
+            panels[points, name, control] = plate, found
+            print(points, name, control, row, flush=True)
+    write("cracks_or_instabilities-quick" if quick else "cracks_or_instabilities", numbers, draw(panels))
 
 
 if __name__ == "__main__":

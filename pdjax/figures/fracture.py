@@ -12,7 +12,6 @@ from matplotlib.lines import Line2D
 from .._internal.public import public_function
 from ..geometry.points import Points
 from ..trust.checks import VARYING
-from ..trust.crack_or_instability import SOFT
 from ..trust.fracture_verdict import CRACK, INSTABILITY, UNDECIDED, FractureVerdict, count_of
 from .fields import XYZ, drawn_layer, on_page, outlines
 
@@ -124,7 +123,8 @@ def crack_or_instability(points: Points, found: FractureVerdict, title: str = ""
     upper.tick_params(labelbottom=False)
     lower.set(ylabel="zero-energy share  [-]", xlabel=f"{found.abscissa} of the burst", ylim=(0, 1.02))
     _level(upper, 0.0, "unstable above")
-    _level(upper, -SOFT, "soft above")
+    if found.soft < 0:
+        _level(upper, found.soft, "soft above")
     _level(lower, VARYING, "limit of a soft lattice")
     counts = [(verdict, n) for verdict, n in found.counts.items() if n]
     marks = [

@@ -6,8 +6,8 @@ bonds was sound in the last stored state before. It judges the **intact** lattic
 deformation of the points around (`pdjax.trust.surroundings`). Three findings mean "instability first":
 
     unstable lattice   the margin of the infinite lattice under the stretch of the points exceeds its rounding error
-    zero-energy mode   neighbours alternate with a share of zero-energy modes above 0.1, or the lattice is soft, with a
-                       margin above −0.01, and the share is above 0.5
+    zero-energy mode   neighbours alternate with a share of zero-energy modes above 0.1, or the lattice is soft and the
+                       share is above 0.5
     collapse           det F̄ ≤ 0
 
 A finding needs a quarter of the points around, because a wave needs room. Next to the faces of a crack single points
@@ -17,7 +17,8 @@ alternate in stable models too. Without a finding the verdict is "crack".
 model it is 0 to rounding: some waves meet no resistance, but they do not grow either. At the tip of a crack such waves
 take up the strain, in general without alternating. The share tells which part of the deformation is not that of F̄,
 weighted by the energy of a penalty of strength 1. In a model that resists all waves, a large share is only a steep
-strain.
+strain. A lattice is soft if its margin is above that of long waves times 0.3/N². For LPS this factor is 2/N²
+(`pdjax.trust.surroundings.soft_margins`).
 
 **Growth.** If the density ρ is known, an instability that cannot have grown does not count. A wave of margin μ grows at
 most at the rate √(μ M/ρ) · 2√dim/h, with the P-wave modulus M. `growth` is this rate times the time since the start of
@@ -41,14 +42,27 @@ from .auditor import Auditor
 from .bursts import BrokenTogether, bursts_of, place_of
 from .checks import ALTERNATING, VARYING
 from .fracture_verdict import CRACK, INSTABILITY, UNDECIDED, Burst, FractureVerdict
-from .surroundings import Around, Margin, States, margins_around, most_strained_first, read_states, surroundings
+from .surroundings import (
+    Around,
+    Margin,
+    States,
+    margins_around,
+    most_strained_first,
+    read_states,
+    soft_margins,
+    surroundings,
+)
 
-SOFT = 0.01  # −margin of a lattice that hardly resists some wave; LPS has 0.07 and BondBased 0.09 (N = 3, 2D, at rest)
 COARSE = 0.5  # change of the strains between the stored state and the break, relative to them, that is too much
 
 
 def _judged(
-    burst: BrokenTogether, around: Around | None, margin: Margin | None, growth: float | None, states: States
+    burst: BrokenTogether,
+    around: Around | None,
+    margin: Margin | None,
+    growth: float | None,
+    soft: float,
+    states: States,
 ) -> tuple[str, str]:
     """The verdict on a burst, and its reason."""
     if burst.state < 0:
@@ -65,7 +79,7 @@ def _judged(
         return INSTABILITY, f"{state} the intact lattice was unstable: {measured}{grown}"
     if around.alternating > ALTERNATING[1]:
         return INSTABILITY, f"{state} neighbours alternated in a zero-energy mode: {measured}"
-    if margin.value > -SOFT and around.share > VARYING:
+    if margin.value > soft and around.share > VARYING:
         return INSTABILITY, f"{state} zero-energy modes of a soft lattice took up the strain: {measured}"
     if around.change > COARSE:
         change = "by an unknown amount" if np.isinf(around.change) else f"by {100 * around.change:.0f} %"
@@ -153,14 +167,15 @@ def crack_or_instability(
     auditor = Auditor(model, families, held_components(held, families))
     rate = _growth_of_one(auditor, density, states)
     around = surroundings(auditor, states, found)
+    soft = soft_margins(auditor)
     margins, error = margins_around(auditor, around)
     bursts, first = [], np.full(len(families), -1)
     for number, (burst, near, margin) in enumerate(zip(found, around, margins, strict=True)):
-        growth = None
+        growth, limit = None, -np.inf if near is None else float(soft[near.points].max())
         if rate is not None and near is not None and margin is not None:
             elapsed = states.at[burst.state] - states.at[0]
             growth = float(np.sqrt(max(margin.value, 0.0)) * rate[near.points].max() * elapsed)
-        verdict, why = _judged(burst, near, margin, growth, states)
+        verdict, why = _judged(burst, near, margin, growth, limit, states)
         bursts.append(
             Burst(
                 verdict,
@@ -184,4 +199,4 @@ def crack_or_instability(
     if error > 0:
         words = "the points around each burst were ranked by margins of groups of similar stretches, with errors up to"
         notes = (*notes, f"{words} {error:.1g}; the margin of the deciding point is its own")
-    return FractureVerdict(tuple(bursts), damage, first, states.abscissa, notes)
+    return FractureVerdict(tuple(bursts), damage, first, states.abscissa, notes, float(soft.max()))

@@ -80,6 +80,8 @@ class FractureVerdict:
         "t" for a motion, "load factor" for a path of equilibria.
     notes : tuple of str
         What was approximated.
+    soft : float
+        Margin [-] above which the lattice hardly resists some wave.
 
     Examples
     --------
@@ -95,6 +97,7 @@ class FractureVerdict:
     burst_of: np.ndarray
     abscissa: str
     notes: tuple[str, ...] = ()
+    soft: float = 0.0
 
     @property
     def verdict(self) -> str:
@@ -162,6 +165,7 @@ class FractureVerdict:
             "counts": self.counts,
             "bonds": self.bonds,
             "abscissa": self.abscissa,
+            "soft": self.soft,
             "bursts": [burst._asdict() | {"place": np.asarray(burst.place).tolist()} for burst in self.bursts],
             "notes": list(self.notes),
         }

@@ -19,11 +19,13 @@ from jaxtyping import Float
 from .._internal.checks import finite
 from ..geometry.bonds import Families
 from ..geometry.report import THIN
+from ..infinite_lattice.margins import long_wave_margin
 from .auditor import Auditor
 from .bursts import BrokenTogether
 from .checks import alternating_shares, zero_energy_shares
 from .own_lattice import OwnLattice, own_lattice
 
+SOFT = 0.3  # see soft_margins
 FINER = 3  # times as many bins of stretches as in an audit: here they serve all states of a run
 EQUAL = 0.01  # bonds of a load step count as strained equally within this part
 ROOM = 4  # one in so many points must reach a value
@@ -185,6 +187,21 @@ def surroundings(auditor: Auditor, states: States, bursts: list[BrokenTogether])
                         near, upright[near], _reached(share[near]), _reached(alternating[near]), change
                     )
     return around
+
+
+def soft_margins(auditor: Auditor) -> np.ndarray:
+    """The margins (points,) above which a lattice is soft: it hardly resists some short wave.
+
+    Let μ₀ be the margin of long waves at rest, and μ that of the lattice. The softest short wave has a stiffness of the
+    order (μ/μ₀) N², relative to that of a nonlocal solid, because κ² h² is of order 1 and its wave number of order 1/h,
+    not 1/δ. This number is 2.0 for LPS, 2.7 to 2.9 for BondBased, and 0 for models with zero-energy modes (measured for
+    N = 2 to 4 in 2D, LPS for two Poisson's ratios). A lattice is soft below SOFT.
+    """
+    N = float(np.asarray(auditor.family.horizon) / np.asarray(auditor.family.spacing))
+    out = np.empty(len(auditor.families))
+    for part in auditor.materials:
+        out[part.mask] = SOFT * min(long_wave_margin(part.model, auditor.family), 0.0) / N**2
+    return out
 
 
 class Margin(NamedTuple):
