@@ -137,7 +137,7 @@ class Plate:
 
 
 def draw(panels: dict[tuple[str, str, str], tuple[Plate, pd.FractureVerdict]]) -> Figure:
-    """The damage of all runs in the colours of the verdicts: a column for each model, a row for a plate and a control."""
+    """The damage of all runs in the colours of the verdicts: a column a model, a row a plate and a control."""
     rows = sorted({(points, control) for points, _, control in panels}, key=lambda r: (r[0], CONTROLS.index(r[1])))
     figure = Figure(figsize=(3.1 * (len(ORDERS) + 1), 2.3 * len(rows) + 0.4), layout="constrained")
     grid = figure.subplots(len(rows), len(ORDERS) + 1, squeeze=False)

@@ -192,10 +192,10 @@ def surroundings(auditor: Auditor, states: States, bursts: list[BrokenTogether])
 def soft_margins(auditor: Auditor) -> np.ndarray:
     """The margins (points,) above which a lattice is soft: it hardly resists some short wave.
 
-    Let μ₀ be the margin of long waves at rest, and μ that of the lattice. The softest short wave has a stiffness of the
-    order (μ/μ₀) N², relative to that of a nonlocal solid, because κ² h² is of order 1 and its wave number of order 1/h,
-    not 1/δ. This number is 2.0 for LPS, 2.7 to 2.9 for BondBased, and 0 for models with zero-energy modes (measured for
-    N = 2 to 4 in 2D, LPS for two Poisson's ratios). A lattice is soft below SOFT.
+    Let μ₀ be the margin of long waves at rest, and μ that of the lattice. The stiffness of a nonlocal solid stops growing
+    at waves of the length of the horizon. Relative to the classical law its short waves therefore have a stiffness of
+    the order 1/N². The factor (μ/μ₀) N² is 1.9 to 2.04 for LPS (2D, N = 2 to 6, Poisson's ratio 0 to 0.49), 2.7 to 2.9
+    for BondBased, and 0 for models with zero-energy modes. A lattice is soft if the factor is below SOFT.
     """
     N = float(np.asarray(auditor.family.horizon) / np.asarray(auditor.family.spacing))
     out = np.empty(len(auditor.families))
@@ -222,8 +222,9 @@ def margins_around(auditor: Auditor, around: list[Around | None]) -> tuple[list[
         return [None] * len(around), 0.0
     every = np.concatenate([a.points for a in some]), np.concatenate([a.stretch for a in some])
     ranked = _searched(auditor, *every, FINER)
-    parts = np.split(np.where(np.isnan(ranked.margin), np.inf, ranked.margin), np.cumsum([len(a.points) for a in some]))
-    last = [int(np.argsort(-part, kind="stable")[_last_of_quarter(len(part))]) for part in parts[:-1]]
+    margin = np.where(np.isnan(ranked.margin), np.inf, ranked.margin)
+    parts = np.split(margin, np.cumsum([len(a.points) for a in some])[:-1])
+    last = [int(np.argsort(-part, kind="stable")[_last_of_quarter(len(part))]) for part in parts]
     points = np.array([a.points[k] for a, k in zip(some, last, strict=True)])
     exact = _searched(auditor, points, np.stack([a.stretch[k] for a, k in zip(some, last, strict=True)]), len(points))
     values = np.where(np.isnan(exact.margin), np.inf, exact.margin)

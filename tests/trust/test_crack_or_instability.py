@@ -105,15 +105,15 @@ def test_a_jump_between_two_rows_is_an_instability_only_where_the_lattice_does_n
     assert (found.bursts[0].margin > found.soft) == (verdict == "instability first")
 
 
-@pytest.mark.parametrize("poisson", [0.0, 0.25, 0.49])
+@pytest.mark.parametrize("poisson", [0.25, 0.49])
 @pytest.mark.parametrize("N", [2.0, 3.015, 4.0])
 def test_models_that_resist_all_waves_are_not_soft_whatever_their_moduli_and_horizon(N, poisson):
-    """The margin of LPS at rest is 5 to 10 times the limit of a soft lattice, although it falls as 1/N² and as G/K."""
+    """The margin of LPS at rest is 6.6 times the limit of a soft lattice, although it falls as 1/N² and with G/K."""
     model, body = pd.LPS.from_young(1.0, poisson, dim=2, plane="strain"), pd.lattice((9, 9))
     families = pd.families(body, N)
     found = pd.crack_or_instability(model, families, at_once(families, 0 * body.positions, (40, 0)))
     ratio = found.bursts[0].margin / found.soft
-    assert found.verdict == "crack" and 5 < ratio < 10  # measured 6.5 to 6.9
+    assert found.verdict == "crack" and 6 < ratio < 7  # measured 6.55 to 6.82
 
 
 @pytest.mark.parametrize("model, verdict", [(SVK, "instability first"), (LPS, "crack")])
