@@ -17,7 +17,7 @@ critical loads, the equilibria and motions of whole bodies, and the derivatives 
         cell_stability, hydrostatic, uniaxial_strain, uniaxial_stress, simple_shear
     pdjax.finite_body        supports and loads, stability, statics, dynamics and fracture of a body
         prescribe, body_force, total_force, homogeneous_traction, scene, solve, equilibrium_path, body_stability
-        body_spectrum, body_critical_load, motion, simulate, critical_time_step, observers, CriticalStretch
+        body_spectrum, body_critical_load, motion, simulate, critical_time_step, observers, CriticalStretch, crack_path
     pdjax.scenes             problems that are ready to solve, some with a closed form
     pdjax.optimise           design by gradient, and parameters from measured data
         worst_margin, load_cases, dispersion_error, lattice_time_step, design, pareto_front
@@ -59,6 +59,13 @@ from .finite_body.conditions import (
 from .finite_body.conditions import (
     total_force as total_force,
 )
+from .finite_body.crack_path import Branching as Branching
+from .finite_body.crack_path import CrackPath as CrackPath
+from .finite_body.crack_path import crack_angle as crack_angle
+from .finite_body.crack_path import crack_area as crack_area
+from .finite_body.crack_path import crack_branching as crack_branching
+from .finite_body.crack_path import crack_path as crack_path
+from .finite_body.crack_path import crack_speed as crack_speed
 from .finite_body.critical_load import BodyCritical as BodyCritical
 from .finite_body.critical_load import body_critical_load as body_critical_load
 from .finite_body.damage import BreakingRule as BreakingRule

@@ -12,10 +12,11 @@ one line to `COMMANDS`. The modules, in the order in which to read them:
     design      pdjax design, the least penalty, a stabiliser or an influence function
     points      pdjax points FILE, what to know of points from a file
     audit       pdjax audit FILE, whether results from a file can be trusted
-    run         pdjax run SCENE, which takes its scenes from the next three modules
+    run         pdjax run SCENE, which takes its scenes from the next four modules
     bars        the scenes singular-bar and step-bar of run
     cuboid      the scene cuboid of run
     wave        the scene wave of run
+    fracture    the scenes spall-bar, branching-plate and kalthoff of run, in which bonds break
     motions     parts that cuboid and wave share
     paper       pdjax paper, the figures and claims of the paper
     bench       pdjax bench, measurements of speed and accuracy
@@ -59,6 +60,7 @@ _EPILOG = """examples
   pdjax run step-bar --strain=-0.001            the paper's step-size bar at one strain
   pdjax run cuboid --m 0                        the paper's cuboid in tension and compression, explicit dynamics
   pdjax run wave --a=-0.01 --j 20               a wave that grows: the shortest wave of a compressed bar
+  pdjax run branching-plate --quick             a glass plate breaks: speed and branches of the crack, energy
   pdjax paper --quick                           all figures and claims of the paper, at reduced sizes
 
 `pdjax COMMAND --help` explains the options of a command.

@@ -2,10 +2,16 @@
 
 import argparse
 
-from . import bars, cuboid, wave
+from . import bars, cuboid, fracture, wave
 from .common import Formatter, Job, Jobs
 
-SCENES = {"singular-bar": bars, "step-bar": bars, "cuboid": cuboid, "wave": wave}
+SCENES = {
+    "singular-bar": bars,
+    "step-bar": bars,
+    "cuboid": cuboid,
+    "wave": wave,
+    **dict.fromkeys(fracture.CASES, fracture),
+}
 
 
 def add(jobs: Jobs, formatter: Formatter) -> None:
@@ -13,7 +19,7 @@ def add(jobs: Jobs, formatter: Formatter) -> None:
     parser = jobs.add_parser(
         "run",
         formatter_class=formatter,
-        help="solve or simulate a body: singular-bar, step-bar, cuboid or wave",
+        help=f"solve or simulate a body: {', '.join(list(SCENES)[:-1])} or {list(SCENES)[-1]}",
         description="Solve a static scene or simulate a moving one, judge the result and draw it. The command writes"
         "\nOUT.png and OUT.npz. `pdjax run SCENE --help` explains the options of a scene.",
     )

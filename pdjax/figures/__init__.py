@@ -5,8 +5,9 @@ function uses pyplot or another global state of matplotlib: `figure.savefig(path
 
     maps and lattices  stability_map, dispersion, dispersion_curves, model_atlas
     bodies             scene, field, bars, neighbours
-    audits             audit, audit_states, crack_or_instability
+    audits             audit, audit_states
     motions            motion, cuboid, animation
+    fracture           crack, crack_or_instability
     designs            pareto_front
     text               table
     styles             COLOURS, LABELS, SERIES, STYLES
@@ -15,6 +16,7 @@ function uses pyplot or another global state of matplotlib: `figure.savefig(path
 from .atlas import model_atlas
 from .audits import audit, audit_states
 from .charts import COLOURS, LABELS, SERIES, STYLES, BarCase, bars, dispersion, stability_map
+from .cracks import crack
 from .fields import field, scene
 from .fracture import crack_or_instability
 from .fronts import pareto_front
@@ -33,6 +35,7 @@ __all__ = [
     "audit",
     "audit_states",
     "bars",
+    "crack",
     "crack_or_instability",
     "cuboid",
     "dispersion",

@@ -9,7 +9,8 @@ The modules, in the order in which to read them:
     critical_load    the first load at which a body becomes unstable
     dynamics         motions of a body, time steps, growth rates
     damage           bonds that break: criteria, fracture energy, released energy
-    observers        time series recorded during a motion: probes, reactions, section forces
+    observers        time series recorded during a motion: probes, reactions, section forces, damage, crack tips
+    crack_path       the path, area, speed, angle and branches of a crack
     inertia          a proof of the number of positive eigenvalues of a matrix
     factorisation    the reduced system of a scene, its sparse factors, the count of its positive eigenvalues
 """

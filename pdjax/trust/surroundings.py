@@ -192,10 +192,11 @@ def surroundings(auditor: Auditor, states: States, bursts: list[BrokenTogether])
 def soft_margins(auditor: Auditor) -> np.ndarray:
     """The margins (points,) above which a lattice is soft: it hardly resists some short wave.
 
-    Let μ₀ be the margin of long waves at rest, and μ that of the lattice. The stiffness of a nonlocal solid stops growing
-    at waves of the length of the horizon. Relative to the classical law its short waves therefore have a stiffness of
-    the order 1/N². The factor (μ/μ₀) N² is 1.9 to 2.04 for LPS (2D, N = 2 to 6, Poisson's ratio 0 to 0.49), 2.7 to 2.9
-    for BondBased, and 0 for models with zero-energy modes. A lattice is soft if the factor is below SOFT.
+    Let μ₀ be the margin of long waves at rest, and μ that of the lattice. The stiffness of a nonlocal solid stops
+    growing at waves of the length of the horizon. Relative to the classical law its short waves therefore have a
+    stiffness of the order 1/N². The factor (μ/μ₀) N² is 1.9 to 2.04 for LPS (2D, N = 2 to 6, Poisson's ratio 0 to
+    0.49), 2.7 to 2.9 for BondBased, and 0 for models with zero-energy modes. A lattice is soft if the factor is below
+    SOFT.
     """
     N = float(np.asarray(auditor.family.horizon) / np.asarray(auditor.family.spacing))
     out = np.empty(len(auditor.families))

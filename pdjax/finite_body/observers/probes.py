@@ -1,7 +1,4 @@
-"""Observers: quantities that `simulate` evaluates at every save of a motion.
-
-A save is a state that a run stores. An observer is any JAX function (scene, snapshot) → array. `simulate` and
-`simulate_diffrax` take a dictionary, name → observer, and return the values of all saves in `History.observed`.
+"""Observers of displacements, reactions and section forces.
 
 The force through a section is minus the net internal force on all points beyond the section:
 
@@ -11,131 +8,20 @@ The forces between two points on the same side cancel in this sum, so only force
 definition suits a nonlocal body: it needs neither an area nor a stress field. In tension along e, F points along +e.
 """
 
-from typing import NamedTuple, Protocol, runtime_checkable
-
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Float
 
-from .._internal.checks import Numbers
-from ..geometry.points import Points
-from .conditions import check_points, point_numbers
-from .scene import Scene
-
-
-class Snapshot(NamedTuple):
-    """State of a motion at one save, as an observer receives it.
-
-    Attributes
-    ----------
-    t : array, shape ()
-        Time [time].
-    factor : array, shape ()
-        Load factor λ [-].
-    u : array, shape (points, dim)
-        Displacements [length].
-    v : array, shape (points, dim)
-        Velocities [length/time].
-    force : array, shape (points, dim)
-        V (f + λ b) [force]: internal and body forces. On held components it is minus the reaction.
-    alive : array of bool, shape (points, bonds), or None
-        Bonds that have not broken. With a smooth criterion: the share of each bond that is left [-], float. None if no
-        bond can break.
-
-    Examples
-    --------
-    An observer of your own, here the largest speed, reads a snapshot:
-
-    >>> fastest = lambda scene, now: jnp.max(jnp.abs(now.v))
-    >>> still = jnp.zeros((3, 1))
-    >>> now = pd.observers.Snapshot(0.0, 1.0, still, still + 2.0, still)
-    >>> float(fastest(None, now))
-    2.0
-    """
-
-    t: Float[Numbers, ""]
-    factor: Float[Numbers, ""]
-    u: Float[Numbers, "points dim"]
-    v: Float[Numbers, "points dim"]
-    force: Float[Numbers, "points dim"]
-    alive: Bool[Numbers, "points bonds"] | Float[Numbers, "points bonds"] | None = None
-
-
-@runtime_checkable
-class HostObserver(Protocol):
-    """An observer that runs on the host, with NumPy arrays, and may stop the run.
-
-    `__call__(scene, snapshot)` returns a dictionary of arrays or numbers, with the same keys and shapes at every save.
-    `stops(value)` gets what it returned, and returns the reason to stop the run, or an empty string. Only `simulate`
-    accepts such an observer, and not under a transformation of JAX.
-
-    Examples
-    --------
-    A run that ends when a bond is stretched too far:
-
-    >>> class Tip:
-    ...     def __call__(self, scene, now):
-    ...         return {"tip": now.u[-1, 0]}
-    ...     def stops(self, value):
-    ...         return f"the tip has moved by {value['tip']:.2f}" if value["tip"] > 0.05 else ""
-    >>> body = pd.bar(3, 3.0)
-    >>> held, pull = pd.prescribe([0], 0.0), pd.total_force([2], [0.1])
-    >>> motion = pd.motion(pd.scene(body, pd.families(body, 1.0), pd.BondBased(1.0), held, pull))
-    >>> history = pd.simulate(motion, 60.0, dt=0.5, save_every=1, observers={"tip": Tip()}, show_progress=False)
-    >>> history.reason, history.times.tolist()
-    ('an observer stopped the run: tip, the tip has moved by 0.10', [0.0, 0.5, 1.0, 1.5])
-    """
-
-    def __call__(self, scene: Scene, now: Snapshot, /) -> dict: ...
-
-    def stops(self, value: dict, /) -> str: ...
+from ...geometry.points import Points
+from ..conditions import check_points, point_numbers
+from ..scene import Scene
+from .snapshot import Snapshot
 
 
 def _check_points(points: np.ndarray, mask: int | None, scene: Scene) -> None:
     if isinstance(points, np.ndarray):
         check_points("an observer", points, mask, scene.prescribed.shape[0])
-
-
-def check_observers(scene: Scene, observers: object, on_host: bool = True) -> None:
-    """Check that observers are functions and that the points they name belong to the body.
-
-    Without this check JAX would silently read another point for a point number outside the body.
-
-    Parameters
-    ----------
-    scene : Scene
-        The scene of the motion.
-    observers : dict of str to function
-        Functions (scene, snapshot) → array. An observer with a method `check(scene)` is asked to check itself.
-    on_host : bool, optional
-        Whether observers that run on the host are allowed. Default True.
-
-    Raises
-    ------
-    ValueError
-        If `observers` is not a dictionary of functions, if an observer names a point that the body does not have, or if
-        an observer runs on the host where this is not possible.
-
-    Examples
-    --------
-    >>> scene = pd.scenes.step_size_bar(21)
-    >>> pd.observers.check_observers(scene, {"tip": pd.observers.probe([21])})
-    Traceback (most recent call last):
-    ...
-    ValueError: an observer names point 21; the body has points 0 to 20
-    """
-    if not isinstance(observers, dict):
-        raise ValueError(f"observers must be a dict, name → function (scene, snapshot); got {observers!r:.80}")
-    for name, observer in observers.items():
-        if not callable(observer):
-            raise ValueError(f"observer {name!r} must be a function (scene, snapshot) → array; got {observer!r:.80}")
-        if isinstance(observer, HostObserver) and not on_host:
-            raise ValueError(
-                f"observer {name!r} runs on the host, which only simulate without a transformation of JAX can do"
-            )
-        if hasattr(observer, "check"):
-            observer.check(scene)
 
 
 class Probe(eqx.Module):
@@ -369,51 +255,3 @@ def section_force(body: Points, position: float, axis: int = 0) -> SectionForce:
             f"a section at {position} leaves one side empty: the points of the body lie between {x.min()} and {x.max()}"
         )
     return SectionForce(beyond, mask=len(x))
-
-
-class Damage(eqx.Module):
-    """Observer of the damage of every point. Made by `damage`.
-
-    Examples
-    --------
-    >>> pd.observers.Damage()
-    Damage()
-    """
-
-    def __call__(self, scene: Scene, now: Snapshot) -> Float[Array, " points"]:
-        families = scene.families
-        w = families.influence * families.weight * families.volumes[families.neighbours]
-        alive = families.weight > 0 if now.alive is None else now.alive
-        total = jnp.sum(w, axis=1)
-        return 1 - jnp.sum(alive * w, axis=1) / jnp.where(total > 0, total, 1)
-
-
-def damage() -> Damage:
-    """Observe the damage of every point: the share of its family that has broken.
-
-    φ_i = 1 − Σ_left ω V / Σ_all ω V
-
-    Returns
-    -------
-    Damage
-        An observer with values of shape (points,) [-]: 0 is intact, 1 has lost all bonds.
-
-    References
-    ----------
-    Silling & Askari 2005.
-
-    Examples
-    --------
-    A bar is pulled apart in its middle, where the only bond of a horizon of one spacing breaks:
-
-    >>> body = pd.bar(4, 4.0)
-    >>> motion = pd.motion(
-    ...     pd.scene(body, pd.families(body, 1.0), pd.BondBased(1.0), moving=True), start=[[0.0], [0.0], [0.2], [0.2]]
-    ... )
-    >>> watch = {"damage": pd.observers.damage()}
-    >>> criterion = pd.CriticalStretch(0.1)
-    >>> history = pd.simulate(motion, 0.1, dt=0.1, observers=watch, breaking=criterion, show_progress=False)
-    >>> history.observed["damage"][-1].tolist()
-    [0.0, 0.5, 0.5, 0.0]
-    """
-    return Damage()

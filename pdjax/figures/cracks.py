@@ -1,0 +1,107 @@
+"""Figures of bodies that break: the damage, the growth of the crack and the energy budget."""
+
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from ..finite_body.dynamics.history import History
+from ..geometry.points import Points
+from .charts import SERIES
+from .fields import outlines, paint
+
+ENERGIES = ("kinetic", "strain", "released")
+
+
+def _energies(axes: Axes, history: History) -> None:
+    """The energy budget over the time: what the body holds and has released, and what was done on it."""
+    budget, times = history.energies, np.asarray(history.times)
+    for name, colour in zip(ENERGIES, SERIES, strict=False):
+        axes.plot(times, np.asarray(getattr(budget, name)), color=colour, label=name)
+    work = np.asarray(budget.supports) + np.asarray(budget.loads)
+    if np.isfinite(work).all() and work.any():
+        axes.plot(times, work, "--", color="#444444", label="work of loads and supports")
+    axes.set(xlabel="t  [time]", ylabel="energy")
+    axes.legend(fontsize=8, frameon=False)
+
+
+def crack(
+    points: Points, history: History, damage: str = "damage", tips: dict | None = None, title: str = ""
+) -> Figure:
+    """Draw the damage of a 1D or 2D body at the end of a run, the way of the crack tips, and the energy budget.
+
+    Parameters
+    ----------
+    points : Points
+        The body.
+    history : History
+        The run, with an observer `observers.damage()`.
+    damage : str, optional
+        Name of that observer. Default "damage".
+    tips : dict of str to array, shape (saves,), optional
+        Distances [length] that crack tips have grown, by name, such as values of `observers.crack_tip`. Default: the
+        number of broken bonds is drawn instead.
+    title : str, optional
+        Title of the figure.
+
+    Returns
+    -------
+    Figure
+        The figure.
+
+    Raises
+    ------
+    ValueError
+        If the body is 3D, if no bond could break, or if the run has no such observer.
+
+    Examples
+    --------
+    >>> motion, expected = pd.scenes.spall_bar(60)
+    >>> watch = {"damage": pd.observers.damage()}
+    >>> criterion = pd.CriticalStretch(0.1 * expected.strain)
+    >>> history = pd.simulate(motion, breaking=criterion, observers=watch, show_progress=False)
+    >>> [axes.get_ylabel() for axes in pd.figures.crack(motion.scene.body, history).axes]
+    ['damage φ  [-]', 'broken bonds', 'energy']
+    """
+    if points.dim > 2:
+        raise ValueError(
+            f"crack draws bodies of dim 1 and 2; got dim {points.dim}. Draw layers with pdjax.figures.field"
+        )
+    if history.broken_at is None or damage not in history.observed:
+        raise ValueError(
+            f"crack needs a run with breaking bonds and an observer {damage!r}; its observers are"
+            f" {', '.join(history.observed) or 'none'}"
+        )
+    shown = np.asarray(history.observed[damage])[-1]
+    X, times = points.positions, np.asarray(history.times)
+    upright = points.dim == 2 and bool(np.ptp(X[:, 1]) > np.ptp(X[:, 0]))
+    figure = Figure(figsize=(9.6, 6.0) if upright else (8.0, 6.8), layout="constrained")
+    places: Any = [["field", "way"], ["field", "energy"]] if upright else [["field", "field"], ["way", "energy"]]
+    axes: Any = figure.subplot_mosaic(places, height_ratios=[1, 1] if upright else [1.35, 1])
+    if points.dim == 1:
+        order = np.argsort(X[:, 0])
+        axes["field"].plot(X[order, 0], shown[order], ".-", color=SERIES[0], linewidth=1.0, markersize=4)
+        axes["field"].set(xlabel="position x  [length]", ylabel="damage φ  [-]", ylim=(-0.02, 1.02))
+    else:
+        tiles = outlines(points, X, np.ones(len(points), bool), (0, 1))
+        paint(
+            axes["field"],
+            tiles,
+            shown,
+            "damage φ  [-]",
+            (0, 1),
+            not upright,
+            limits=(0.0, max(float(shown.max()), 0.5)),
+        )
+    axes["field"].set_title(title, fontsize=10)
+    if tips:
+        for (name, tip), colour in zip(tips.items(), SERIES, strict=False):
+            axes["way"].plot(times, np.asarray(tip), color=colour, label=name)
+        axes["way"].legend(fontsize=8, frameon=False)
+    else:
+        at = np.sort(np.asarray(history.broken_at)[np.isfinite(history.broken_at)])
+        axes["way"].plot(times, np.searchsorted(at, times, side="right") / 2, color=SERIES[0])
+    axes["way"].set(xlabel="t  [time]", ylabel="way of the tip  [length]" if tips else "broken bonds")
+    _energies(axes["energy"], history)
+    return figure
