@@ -98,7 +98,7 @@ def crack_or_instability(points: Points, found: FractureVerdict, title: str = ""
     if points.dim > 1:
         tiles = outlines(points, points.positions, kept, across)
         size = on_page(np.ptp(tiles.reshape(-1, 2), axis=0))[1]
-    figure = Figure(figsize=(size[0] + 5.0, max(size[1], 3.2) + 1.2), layout="constrained")
+    figure = Figure(figsize=(size[0] + 5.0, max(size[1], 3.8) + 1.2), layout="constrained")
     grid = figure.add_gridspec(2, 2, width_ratios=[size[0] + 0.8, 4.0])
     body, upper = figure.add_subplot(grid[:, 0]), figure.add_subplot(grid[0, 1])
     lower = figure.add_subplot(grid[1, 1], sharex=upper)

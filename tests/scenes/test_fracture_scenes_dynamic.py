@@ -135,4 +135,4 @@ def test_a_linear_peridynamic_solid_breaks_too():
 def test_the_angle_of_the_cracks_grows_towards_that_of_the_experiment():
     """The angle of a finer lattice, with a smaller horizon, is nearer to 68°."""
     angles = [running_cracks.impact(pd.scenes.kalthoff(n))[1]["cracks"][1]["angle"] for n in (40, 80)]
-    assert angles[0] < angles[1] < 70.0
+    assert angles[0] < 60.0 < angles[1] < 70.0  # measured 53.8 and 66.5
