@@ -7,7 +7,7 @@ function uses pyplot or another global state of matplotlib: `figure.savefig(path
     bodies             scene, field, bars, neighbours
     audits             audit, audit_states
     motions            motion, cuboid, animation
-    fracture           crack
+    fracture           crack, crack_or_instability
     designs            pareto_front
     text               table
     styles             COLOURS, LABELS, SERIES, STYLES
@@ -18,6 +18,7 @@ from .audits import audit, audit_states
 from .charts import COLOURS, LABELS, SERIES, STYLES, BarCase, bars, dispersion, stability_map
 from .cracks import crack
 from .fields import field, scene
+from .fracture import crack_or_instability
 from .fronts import pareto_front
 from .motions import Branch, animation, cuboid, dispersion_curves, motion
 from .neighbours import neighbours
@@ -35,6 +36,7 @@ __all__ = [
     "audit_states",
     "bars",
     "crack",
+    "crack_or_instability",
     "cuboid",
     "dispersion",
     "dispersion_curves",
