@@ -148,7 +148,7 @@ def crossed(families: Families, surface: Surface) -> np.ndarray:
     crosses = np.asarray(families.is_bond) & (height[:, None] * beyond < 0)
     at = X[:, None] + np.where(crosses, share, 0.0)[..., None] * xi
     for p, d in edges:
-        crosses &= (at - p) @ d >= 0
+        crosses &= (at - p) @ d >= -tie  # a bond through the edge itself is cut, whatever the rounding
     back = np.asarray(families.neighbours), np.asarray(families.reverse)
     return crosses | crosses[back]  # at the surface's edge, rounding may find a bond from one end only
 
@@ -177,7 +177,8 @@ def cut(families: Families, surface: Surface) -> Families:
 
     Notes
     -----
-    A bond is cut if the straight line between its ends crosses the surface. Call `cut` again for a further crack.
+    A bond is cut if the straight line between its ends crosses the surface or touches its edge. Call `cut` again for a
+    further crack.
 
     Examples
     --------

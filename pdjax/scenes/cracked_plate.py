@@ -27,7 +27,6 @@ from ..models.base import AbstractModel
 from ..models.lps import LPS
 from .bodies import checked_count, checked_ratio
 
-BEYOND = 1e-6  # spacings by which the crack ends later, so that rounding does not decide which bonds pass its end
 POISSON = 1 / 3  # of BondBased in plane stress, so that both models describe the same material
 
 
@@ -159,8 +158,7 @@ def cracked_plate(
     body, rows = lattice((n, 2 * n), h), round(N)
     X = body.positions
     own = families(body, N * h)
-    end = half + BEYOND * h
-    own = own.with_broken(crossed(own, Segment((0.5 - end, 1.0), (0.5 + end, 1.0))))
+    own = own.with_broken(crossed(own, Segment((0.5 - half, 1.0), (0.5 + half, 1.0))))
     toughness = float(np.sqrt(G))
     stress = toughness / (np.sqrt(np.pi * half) * shape_factor(2 * half))
     loaded = np.flatnonzero(np.abs(X[:, 1] - 1) > 1 - rows * h)

@@ -27,7 +27,7 @@ from ..geometry.neighbour_search import families
 from ..geometry.points import lattice
 from ..models.base import AbstractModel
 from .bodies import checked_count, checked_ratio
-from .cracked_plate import BEYOND, checked_energy, unit_plate
+from .cracked_plate import checked_energy, unit_plate
 
 ROOT = 0.673  # χ
 
@@ -184,7 +184,7 @@ def double_cantilever(
     tip = (round(crack * n) + 1) * h  # the load acts on the first column of points, at x = h/2
     own = families(body, N * h)
     arms = ~crossed(own, Plane((0.0, 1.0), (0.0, 1.0)))
-    own = own.with_broken(crossed(own, Segment((-h, 1.0), (tip + BEYOND * h, 1.0))))
+    own = own.with_broken(crossed(own, Segment((-h, 1.0), (tip, 1.0))))
     end = X[:, 0] < h
     upper, lower = end & (X[:, 1] > 1), end & (X[:, 1] < 1)
     expected = DoubleCantilever(1.0, tip - h / 2, 0.0, 1.0, G, upper, arms)

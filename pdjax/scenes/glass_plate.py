@@ -135,8 +135,7 @@ def branching_plate(
     body = lattice((n, 2 * n // 5), h)
     own, one = families(body, N * h), lattice_family(2, N, h)
     y, middle = body.positions[:, 1], HEIGHT / 2
-    end = NOTCH + 1e-6 * h  # some bonds pass through the end itself; rounding must not decide about them
-    notched = own.with_broken(crossed(own, Segment((0.0, middle), (end, middle))))
+    notched = own.with_broken(crossed(own, Segment((0.0, middle), (NOTCH, middle))))
     if model is None:
         bulk = YOUNG / (3 * (1 - 2 * POISSON))
         model = BondBased.from_family(plane_bulk_modulus(bulk, FREE_SHEAR["stress"] * bulk, "stress"), one)

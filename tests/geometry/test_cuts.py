@@ -99,3 +99,17 @@ def test_a_polygon_must_be_flat_and_convex():
     for bent in ([(0, 0, 1), (3, 0, 1), (3, 3, 1.5), (0, 3, 1)], [(0, 0, 1), (3, 0, 1), (1, 1, 1), (0, 3, 1)]):
         with pytest.raises(ValueError, match="flat and convex"):
             pd.cut(fams, pd.Polygon(bent))
+
+
+@pytest.mark.parametrize("n", [30, 70, 150])
+def test_bonds_through_the_end_of_a_notch_are_cut_on_both_sides(n):
+    """Mirrored bonds pass exactly through an end on a multiple of the spacing. Rounding must not tell them apart."""
+    h = 0.1 / n
+    body = pd.lattice((n, 20), h)
+    families = pd.families(body, 3.015 * h)
+    cracked = pd.cut(families, pd.Segment((0.0, 10 * h), (0.05, 10 * h)))
+    gone = (np.asarray(cracked.weight) < np.asarray(families.weight)).sum(axis=1).reshape(n, 20)
+    assert np.array_equal(gone, gone[:, ::-1]) and gone.any()
+    # A bond (2, 2) from a point one spacing before and below the end touches it. Cut bonds reach that far.
+    longer = pd.cut(families, pd.Segment((0.0, 10 * h), (0.05 + 1e-3 * h, 10 * h)))
+    assert np.array_equal(cracked.weight, longer.weight)
