@@ -234,6 +234,8 @@ def force_operator(model: AbstractModel, families: Families, way: str = "auto", 
         backend, way = _prepared(model, families, way, mean)
     else:
         backend, way = remember(families, ("force", way, mean, key), lambda: _prepared(model, families, way, mean))
+    if is_concrete(model):
+        model = model.specialised()
     return ForceOperator(model, families, backend, way)
 
 

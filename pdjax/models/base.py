@@ -173,6 +173,10 @@ class AbstractModel(eqx.Module):
         """Whether the point state is made from sums over single bonds, `moments(bond)`."""
         return False
 
+    def specialised(self) -> "AbstractModel":
+        """The same model for prepared forces. A model may have a faster program for known values of its constants."""
+        return self
+
     @property
     def has_shape_tensor(self) -> bool:
         """Whether the model inverts a shape tensor of the reference configuration."""

@@ -32,9 +32,10 @@ from jaxtyping import Array, Float
 from .._internal.checks import as_real, check_positive, namespace, on_host, require
 from ..geometry.bonds import Bonds, Families, LatticeFamily
 from ..geometry.plane_sums import PlaneSums
-from .base import PointStateModel, Sums
+from .base import AbstractModel, PointStateModel, Sums
 from .control import micromodulus
-from .kinematics import log_stretch, seth_hill, stretch_minus_one
+from .kinematics import bond_strain, power_over_square, stretch_minus_one
+from .plain_order import with_plain_order
 from .plane import bulk_and_shear, plane_bulk_modulus
 
 FREE_SHEAR = {"strain": 0.6, "stress": 0.375}  # G/K at the one Poisson's ratio, ¼ and ⅓
@@ -239,7 +240,7 @@ class BondBased(PointStateModel):
 
     def energy(self, bonds: Bonds) -> Float[Array, ""]:
         xi, eta = bonds.xi, bonds.eta
-        e = stretch_minus_one(xi, eta) if self.m is None else seth_hill(log_stretch(xi, eta), self.m)
+        e = stretch_minus_one(xi, eta) if self.m is None else bond_strain(xi, eta, self.m)
         return 0.25 * self.c * jnp.sum(bonds.omega * bonds.volume * jnp.linalg.norm(xi, axis=1) * e**2)
 
     def extension_energies(self, sums: Callable[[int, int], np.ndarray]) -> np.ndarray:
@@ -261,5 +262,8 @@ class BondBased(PointStateModel):
         if self.m is None:
             e = stretch_minus_one(bond.xi, bond.eta)
             return scale * e / (1 + e) * (bond.xi + bond.eta)
-        ell = log_stretch(bond.xi, bond.eta)
-        return scale * seth_hill(ell, self.m) * jnp.exp(2 * (self.m - 1) * ell) * (bond.xi + bond.eta)
+        growth = bond_strain(bond.xi, bond.eta, self.m) * power_over_square(bond.xi, bond.eta, self.m)
+        return scale * growth * (bond.xi + bond.eta)
+
+    def specialised(self) -> AbstractModel:
+        return with_plain_order(self)

@@ -129,6 +129,40 @@ def seth_hill(ell: Float[Array, "..."], m) -> Float[Array, "..."]:
     return ell * expm1_over(2 * m * ell)
 
 
+ORDERS = (1.0, 0.5, 0.0, -0.5, -1.0)  # orders m whose bond strains need no power of the stretch
+
+
+def bond_strain(xi: Float[Array, "... dim"], eta: Float[Array, "... dim"], m) -> Float[Array, "..."]:
+    """e_m = (s^{2m} − 1)/2m [-] of bonds. An m of ORDERS given as a Python float needs no exponential."""
+    g = _growth(xi, eta)
+    if not isinstance(m, float):
+        return seth_hill(0.5 * log1p(g), m)
+    if m == 1.0:
+        return 0.5 * g
+    if m == 0.0:
+        return 0.5 * log1p(g)
+    if m == -1.0:
+        return 0.5 * g / (1 + g)
+    s = jnp.sqrt(1 + g)
+    return g / (1 + s) if m == 0.5 else g / (s * (1 + s))
+
+
+def power_over_square(xi: Float[Array, "... dim"], eta: Float[Array, "... dim"], m) -> Float[Array, "..."]:
+    """s^{2m}/s² [-] of bonds, the derivative of e_m with respect to s²/2. An m of ORDERS as in `bond_strain`."""
+    g = _growth(xi, eta)
+    if not isinstance(m, float):
+        return jnp.exp((m - 1) * log1p(g))
+    if m == 1.0:
+        return jnp.ones_like(g)
+    inverse = 1 / (1 + g)
+    if m == 0.0:
+        return inverse
+    if m == -1.0:
+        return inverse * inverse
+    root = jnp.sqrt(inverse)
+    return root if m == 0.5 else root * inverse
+
+
 def mandel_basis(dim: int) -> np.ndarray:
     """The orthonormal basis (p, dim, dim) of symmetric tensors, p = dim(dim+1)/2."""
     basis = []

@@ -25,21 +25,22 @@ from jaxtyping import Array, Float
 
 from .._internal.checks import as_real, is_concrete
 from ..geometry.bonds import Bonds
-from .base import Sums
+from .base import AbstractModel, Sums
 from .control import Control
 from .kinematics import (
+    bond_strain,
     bond_strain_moment,
     direction_mandel,
     from_mandel,
     local_strain,
-    log_stretch,
     mandel_basis,
-    seth_hill,
+    power_over_square,
     shape_tensor_L,
     solve_positive,
     to_mandel,
 )
 from .laws import Law, law_stress
+from .plain_order import with_plain_order
 from .with_law import WithLaw
 
 
@@ -61,6 +62,10 @@ class BondStrainModel(WithLaw):
         quadratic = is_concrete(self.m) and bool(np.all(np.asarray(self.m) == 1))
         return 2 if quadratic and (self.control is None or self.control.degree) else 0
 
+    def specialised(self) -> AbstractModel:
+        """The model with an order of ORDERS as a plain number, so that its forces need no exponential."""
+        return with_plain_order(self)
+
     def fourth(self, bonds: Bonds) -> Float[Array, "p p"]:
         """L as a Mandel matrix [length^dim]."""
         raise NotImplementedError
@@ -78,7 +83,7 @@ class BondStrainModel(WithLaw):
 
     def law_moments(self, bond: Bonds) -> tuple[Array, Array]:
         w = bond.omega * bond.volume
-        e = seth_hill(log_stretch(bond.xi, bond.eta), self.m)
+        e = bond_strain(bond.xi, bond.eta, self.m)
         return self.fourth_moment(bond), w * e * direction_mandel(bond.xi)
 
     def law_state(self, sums: Sums) -> Float[Array, " p"]:
@@ -87,7 +92,7 @@ class BondStrainModel(WithLaw):
         return solve_positive(L, to_mandel(law_stress(self.law, E)))
 
     def law_force(self, here: Float[Array, " p"], bond: Bonds) -> Float[Array, " dim"]:
-        growth = jnp.exp(2 * (self.m - 1) * log_stretch(bond.xi, bond.eta))  # s^{2m} / s²
+        growth = power_over_square(bond.xi, bond.eta, self.m)
         scale = bond.omega / jnp.sum(bond.xi * bond.xi, axis=-1)
         return scale * (direction_mandel(bond.xi) @ here) * growth * (bond.xi + bond.eta)
 
