@@ -22,7 +22,7 @@ critical loads, the equilibria and motions of whole bodies, and the derivatives 
     pdjax.optimise           design by gradient, and parameters from measured data
         worst_margin, load_cases, dispersion_error, lattice_time_step, design, pareto_front
         identify, tikhonov, total_variation
-    pdjax.trust              whether a computed state can be trusted: audit, audit_states, trust_observer
+    pdjax.trust              whether a state can be trusted: audit, audit_states, trust_observer, crack_or_instability
     pdjax.figures            matplotlib figures of results
     pdjax.files              points and fields from files and to files: read_points, PointData, write_points, export
     pdjax.studies            the paper of Behzadinasab & Foster: figures, claims, formulas: pdjax.closed_forms
@@ -442,6 +442,9 @@ from .studies import closed_forms as closed_forms
 from .tangent.jacobian import jacobian as jacobian
 from .tangent.jacobian import jvp as jvp
 from .trust.audit import audit as audit
+from .trust.crack_or_instability import crack_or_instability as crack_or_instability
+from .trust.fracture_verdict import Burst as Burst
+from .trust.fracture_verdict import FractureVerdict as FractureVerdict
 from .trust.observer import TrustObserver as TrustObserver
 from .trust.observer import trust_observer as trust_observer
 from .trust.series import AuditSeries as AuditSeries

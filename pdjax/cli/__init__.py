@@ -12,11 +12,12 @@ one line to `COMMANDS`. The modules, in the order in which to read them:
     design      pdjax design, the least penalty, a stabiliser or an influence function
     points      pdjax points FILE, what to know of points from a file
     audit       pdjax audit FILE, whether results from a file can be trusted
-    run         pdjax run SCENE, which takes its scenes from the next four modules
+    run         pdjax run SCENE, which takes its scenes from the next five modules
     bars        the scenes singular-bar and step-bar of run
     cuboid      the scene cuboid of run
     wave        the scene wave of run
     fracture    the scenes spall-bar, branching-plate and kalthoff of run, in which bonds break
+    slow_cracks the scenes of run in which a crack grows under a slow load
     motions     parts that cuboid and wave share
     paper       pdjax paper, the figures and claims of the paper
     bench       pdjax bench, measurements of speed and accuracy

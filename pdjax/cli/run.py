@@ -2,7 +2,7 @@
 
 import argparse
 
-from . import bars, cuboid, fracture, wave
+from . import bars, cuboid, fracture, slow_cracks, wave
 from .common import Formatter, Job, Jobs
 
 SCENES = {
@@ -11,6 +11,7 @@ SCENES = {
     "cuboid": cuboid,
     "wave": wave,
     **dict.fromkeys(fracture.CASES, fracture),
+    **dict.fromkeys(slow_cracks.CASES, slow_cracks),
 }
 
 

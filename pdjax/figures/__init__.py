@@ -7,7 +7,7 @@ function uses pyplot or another global state of matplotlib: `figure.savefig(path
     bodies             scene, field, bars, neighbours
     audits             audit, audit_states
     motions            motion, cuboid, animation
-    fracture           crack
+    fracture           crack, breaking_path, crack_or_instability
     designs            pareto_front
     text               table
     styles             COLOURS, LABELS, SERIES, STYLES
@@ -16,8 +16,9 @@ function uses pyplot or another global state of matplotlib: `figure.savefig(path
 from .atlas import model_atlas
 from .audits import audit, audit_states
 from .charts import COLOURS, LABELS, SERIES, STYLES, BarCase, bars, dispersion, stability_map
-from .cracks import crack
+from .cracks import breaking_path, crack
 from .fields import field, scene
+from .fracture import crack_or_instability
 from .fronts import pareto_front
 from .motions import Branch, animation, cuboid, dispersion_curves, motion
 from .neighbours import neighbours
@@ -34,7 +35,9 @@ __all__ = [
     "audit",
     "audit_states",
     "bars",
+    "breaking_path",
     "crack",
+    "crack_or_instability",
     "cuboid",
     "dispersion",
     "dispersion_curves",

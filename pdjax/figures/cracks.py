@@ -1,4 +1,4 @@
-"""Figures of bodies that break: the damage, the growth of the crack and the energy budget."""
+"""Figures of bodies that break: the damage, the growth of the crack, the energy budget, and a load curve."""
 
 from typing import Any
 
@@ -7,6 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from ..finite_body.dynamics.history import History
+from ..finite_body.statics.breaking_path import BreakingPath
 from ..geometry.points import Points
 from .charts import SERIES
 from .fields import outlines, paint
@@ -104,4 +105,81 @@ def crack(
         axes["way"].plot(times, np.searchsorted(at, times, side="right") / 2, color=SERIES[0])
     axes["way"].set(xlabel="t  [time]", ylabel="way of the tip  [length]" if tips else "broken bonds")
     _energies(axes["energy"], history)
+    return figure
+
+
+def _with_pre_crack(path: BreakingPath) -> np.ndarray:
+    """Share of the bonds of every point that have broken at the end, bonds of a pre-crack included."""
+    before = np.asarray(path.intact.weight if path.intact.intact is None else path.intact.intact) > 0
+    return 1 - path.alive.sum(axis=1) / np.maximum(before.sum(axis=1), 1)
+
+
+def breaking_path(
+    points: Points,
+    path: BreakingPath,
+    x: np.ndarray,
+    y: np.ndarray,
+    theory: np.ndarray,
+    names: tuple[str, str],
+    title: str = "",
+) -> Figure:
+    """Draw the damage of a 2D body after a slow load, a load curve beside theory, and the energies.
+
+    The damage is that of the last bonds that broke, also if no equilibrium was found after them.
+
+    Parameters
+    ----------
+    points : Points
+        The body.
+    path : BreakingPath
+        Result of `solve_breaking`.
+    x, y : array, shape (states,)
+        The load curve, such as openings and forces.
+    theory : array, shape (states,)
+        What theory says of y.
+    names : tuple of str
+        Names of x and y with their units.
+    title : str, optional
+        Title of the figure.
+
+    Returns
+    -------
+    Figure
+        The figure.
+
+    Raises
+    ------
+    ValueError
+        If the body is not 2D.
+
+    Examples
+    --------
+    >>> scene, expected = pd.scenes.cracked_plate(12)
+    >>> path = pd.solve_breaking(scene, pd.CriticalStretch(1e-2), load_steps=2, show_progress=False)
+    >>> factors = path.load_factors
+    >>> figure = pd.figures.breaking_path(scene.body, path, factors, factors, factors, ("x", "y"))
+    >>> [axes.get_xlabel() for axes in figure.axes][1:3]
+    ['x', 'load factor λ  [-]']
+    """
+    if points.dim != 2:
+        raise ValueError(f"breaking_path draws bodies of dim 2; got dim {points.dim}")
+    shown, X = _with_pre_crack(path), points.positions
+    upright = bool(np.ptp(X[:, 1]) > np.ptp(X[:, 0]))
+    figure = Figure(figsize=(9.6, 6.0) if upright else (8.0, 6.8), layout="constrained")
+    places: Any = [["field", "curve"], ["field", "energy"]] if upright else [["field", "field"], ["curve", "energy"]]
+    axes: Any = figure.subplot_mosaic(places, height_ratios=[1, 1] if upright else [1, 1.35])
+    tiles = outlines(points, X, np.ones(len(points), bool), (0, 1))
+    limits = (0.0, max(float(shown.max()), 0.5))
+    paint(axes["field"], tiles, shown, "damage φ  [-]", (0, 1), not upright, limits=limits)
+    axes["field"].set_title(title, fontsize=10)
+    axes["curve"].plot(x, theory, "--", color="#444444", label="theory")
+    axes["curve"].plot(x, y, ".-", color=SERIES[0], markersize=4, label="computed")
+    axes["curve"].set(xlabel=names[0], ylabel=names[1])
+    axes["curve"].legend(fontsize=8, frameon=False)
+    budget = path.energies
+    for name, colour in zip(("strain", "released", "dissipated"), SERIES, strict=False):
+        axes["energy"].plot(path.load_factors, getattr(budget, name), color=colour, label=name)
+    axes["energy"].plot(path.load_factors, budget.supports + budget.loads, "--", color="#444444", label="work")
+    axes["energy"].set(xlabel="load factor λ  [-]", ylabel="energy")
+    axes["energy"].legend(fontsize=8, frameon=False)
     return figure

@@ -31,3 +31,9 @@ def margins(model: AbstractModel, family: LatticeFamily, F: np.ndarray) -> tuple
         out = at_waves(searched(states, model, family, zone), states, family)
         margin, scale = np.asarray(out.margin), np.asarray(out.scale)
     return margin, margin_tolerance(family.xi.dtype, scale)
+
+
+def long_wave_margin(model: AbstractModel, family: LatticeFamily) -> float:
+    """The margin [-] of long waves in the lattice at rest: −μ/M for an isotropic law with the P-wave modulus M."""
+    zone = family_zone(family, "inversion", None)
+    return float(np.asarray(outcomes("affine", model, family, np.eye(family.dim)[None], zone).margin)[0])

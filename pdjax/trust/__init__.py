@@ -11,4 +11,8 @@ The modules, in the order in which to read them:
     audit            the public function audit
     series           audits of the states of a run
     observer         the audit as an observer of simulate
+    bursts           bonds that break together, in space and in time
+    surroundings     the material around the first bonds of a burst, before it
+    fracture_verdict the result of crack_or_instability
+    crack_or_instability  whether a crack grew, or the model was unstable before
 """

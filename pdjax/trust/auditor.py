@@ -1,5 +1,7 @@
 """What all audits of one body share, and how an audit comes to its verdict."""
 
+import copy
+
 import numpy as np
 
 from ..finite_body.free_spectrum import FreeSpectrum, free_spectrum
@@ -31,12 +33,16 @@ class Auditor:
         self.volumes = np.asarray(families.volumes, float)
         self.periodic = _is_periodic(families)
         self.bonds = int(np.median(np.asarray(families.count)))
-        rigid: np.ndarray = np.atleast_1d(held.all(axis=1))
-        real = np.asarray(families.weight) > 0
-        self.clamped = rigid | (rigid[np.asarray(families.neighbours)] & real).any(axis=1)
+        self.clamped = _clamped(families, held)
         self.positions = np.asarray(families.positions, float)
         extent = np.ptp(self.positions, axis=0).max() if points > 1 else 0.0
         self.size = float(extent / np.asarray(self.family.spacing)) + 1
+
+    def of_remaining(self, families: Families) -> "Auditor":
+        """The auditor of the same body after bonds have broken. The lattice and the materials are those of before."""
+        after = copy.copy(self)
+        after.families, after.clamped = families, _clamped(families, self.held)
+        return after
 
     def measures(self, u: np.ndarray, F: np.ndarray | None) -> PointMeasures:
         """The measures of all points that need no eigenvalue."""
@@ -147,6 +153,13 @@ def _stretches(points: PointMeasures) -> tuple[float, float]:
     """The smallest and the largest principal stretch of all points."""
     values = 1 + np.linalg.eigvalsh(np.where(np.isfinite(points.stretch), points.stretch, 0.0))
     return float(values.min()), float(values.max())
+
+
+def _clamped(families: Families, held: np.ndarray) -> np.ndarray:
+    """Which points (points,) are held in all directions, or have such a neighbour."""
+    rigid: np.ndarray = np.atleast_1d(held.all(axis=1))
+    real = np.asarray(families.weight) > 0
+    return rigid | (rigid[np.asarray(families.neighbours)] & real).any(axis=1)
 
 
 def _is_periodic(families: Families) -> bool:

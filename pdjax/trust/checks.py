@@ -130,23 +130,29 @@ def _critical(e: Evidence) -> np.ndarray | None:
     return np.where(factor > 1, np.minimum(NEAR_CRITICAL / np.maximum(factor, 1.0), 1.9), 0.0)
 
 
+def alternating_shares(e: Evidence) -> np.ndarray:
+    """The share of zero-energy modes of every point whose neighbours alternate, 0 elsewhere and beside clamps."""
+    return np.where((e.points.alternation > ALTERNATES) & ~e.clamped, zero_energy_shares(e), 0.0)
+
+
 def _zero_energy(e: Evidence) -> np.ndarray:
-    share, (low, high) = _shares(e), ALTERNATING
-    score = np.where(share < low, share / low, 1 + (share - low) / (high - low))
-    return np.where((e.points.alternation > ALTERNATES) & ~e.clamped, score, 0.0)
+    share, (low, high) = alternating_shares(e), ALTERNATING
+    return np.where(share < low, share / low, 1 + (share - low) / (high - low))
 
 
 def _steep(e: Evidence) -> np.ndarray:
-    score = np.minimum(_shares(e) / VARYING, 1.9)
+    score = np.minimum(zero_energy_shares(e) / VARYING, 1.9)
     return np.where((e.points.alternation <= ALTERNATES) & ~e.clamped, score, 0.0)
 
 
-def _shares(e: Evidence) -> np.ndarray:
-    """P/(P + max(W, mean of W))."""
+def zero_energy_shares(e: Evidence) -> np.ndarray:
+    """P/(P + max(W, mean of W)) of every point. The mean leaves out thin points, such as those beside a crack."""
     energy = np.where(np.isfinite(e.points.energy), e.points.energy, 0.0)
     P = e.points.zero_energy * energy
     W = energy - P
-    total = P + np.maximum(W, np.dot(e.volumes, W) / e.volumes.sum())
+    sound = e.points.shape_ratio > THIN
+    volumes = e.volumes * sound if sound.any() else e.volumes
+    total = P + np.maximum(W, np.dot(volumes, W) / volumes.sum())
     return P / np.where(total > 0, total, 1.0)
 
 

@@ -3,7 +3,7 @@
 import equinox as eqx
 import numpy as np
 
-from .._internal.checks import choice
+from .._internal.checks import choice, on_device
 from .._internal.memory import remember, value_key
 from ..finite_body.observers import Snapshot
 from ..finite_body.scene import Scene
@@ -15,6 +15,8 @@ ACTIONS = ("stop", "flag")
 
 class TrustObserver(eqx.Module):
     """Observer that audits every save of a run on the host. `trust_observer` makes it.
+
+    In a run with breaking bonds it judges the bonds that remain.
 
     Its values in `History.observed` have one entry a save: `score` (below 1 trusted, from 1 doubtful, from 2
     untrusted), `point` (the worst point), `reason` (what was found there), `zero_energy`, `margin` (the largest of all
@@ -53,6 +55,8 @@ class TrustObserver(eqx.Module):
         """
         key = ("auditor", value_key(scene.model))
         auditor = remember(scene.families, key, lambda: Auditor(scene.model, scene.families, ~scene.free))
+        if now.alive is not None:
+            auditor = auditor.of_remaining(scene.families.with_share(on_device(now.alive)))
         mean = scene.mean_deformation(now.factor)
         u = np.asarray(now.u)
         points = auditor.measures(u, None if mean is None else np.asarray(mean))
@@ -92,7 +96,8 @@ class TrustObserver(eqx.Module):
 def trust_observer(action: str = "stop", margins: bool = True) -> TrustObserver:
     """Make an observer that stops or flags a run of `simulate` when its state can no longer be trusted.
 
-    Every save is audited like `audit` does, without the spectrum of the body.
+    Every save is audited like `audit` does, without the spectrum of the body. In a run with breaking bonds the bonds
+    that remain are audited.
 
     Parameters
     ----------

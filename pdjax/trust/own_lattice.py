@@ -179,11 +179,11 @@ def _factors(material: Material, family: LatticeFamily, G: np.ndarray, unstable:
     return out
 
 
-def own_lattice(family: LatticeFamily, parts: list[Material], G: np.ndarray, path: bool) -> OwnLattice:
+def own_lattice(family: LatticeFamily, parts: list[Material], G: np.ndarray, path: bool, finer: int = 1) -> OwnLattice:
     """Margins and, if `path` is True, critical factors of all points under their deformations I + G (points, dim, dim).
 
     G is U − I for an objective model and F̄ − I for any other. A point gets NaN if its G is not finite or
-    det(I + G) ≤ 0.
+    det(I + G) ≤ 0. `finer` multiplies the number of bins.
     """
     points, dim = G.shape[:2]
     margin, tolerance, factor = np.full(points, np.nan), np.zeros(points), np.full(points, np.nan)
@@ -194,7 +194,7 @@ def own_lattice(family: LatticeFamily, parts: list[Material], G: np.ndarray, pat
         if not len(index):
             continue
         mine = G[index]
-        centres, label, distance = cover(mine.reshape(len(mine), -1), max(2, BINS[dim] // len(parts)))
+        centres, label, distance = cover(mine.reshape(len(mine), -1), max(2, finer * BINS[dim] // len(parts)))
         value, rounding = margins(part.model, family, np.eye(dim) + mine[centres])
         margin[index], tolerance[index] = value[label], rounding[label]
         if path:

@@ -48,3 +48,26 @@ def test_wrong_arguments_are_refused(tmp_path, capsys):
     assert main(["run", "branching-plate", "--out", str(tmp_path / "no" / "x")]) == 2
     assert "does not exist" in capsys.readouterr().err
     assert not list(tmp_path.iterdir())
+
+
+SLOW = {"cracked-plate": "12", "double-cantilever": "6"}
+
+
+@pytest.mark.parametrize("scene", SLOW)
+def test_a_slow_crack_is_solved_and_writes_its_files(scene, tmp_path, capsys):
+    assert main(["run", scene, "--n", SLOW[scene], "--json", "--out", str(tmp_path / "crack")]) == 0
+    out = json.loads(capsys.readouterr().out)
+    assert out["broken_bonds"] > 0 and 0 < out["first_break"] < 1.6
+    assert abs(out["energy"]["error"]) < 1e-3  # measured 1e-5 and 2e-5
+    assert (tmp_path / "crack.png").stat().st_size > 10_000
+    with np.load(tmp_path / "crack.npz") as kept:
+        assert np.isfinite(kept["broken_at"]).sum() == 2 * out["broken_bonds"]
+        assert kept["damage"].shape == (out["points"],)
+
+
+def test_the_command_of_the_cracked_plate_says_what_the_handbook_expects(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert main(["run", "cracked-plate", "--n", "12", "--model", "bond-based"]) == 0
+    said = capsys.readouterr().out
+    for words in ("cracked-plate: 288 points", "first break at K =", "the handbook expects 1", "wrote cracked-plate"):
+        assert words in said

@@ -67,6 +67,35 @@ def test_a_resumed_run_is_the_same_bit_for_bit_and_stops_at_the_same_save(motion
         pd.simulate(motion, 2.0, observers=flag, checkpoint=path, resume=True, **RUN)
 
 
+def test_a_run_with_breaking_bonds_is_audited_with_the_bonds_that_remain():
+    """With all bonds, the gap of the crack would be a strain without bound."""
+    body = pd.lattice((12, 8))
+    families, model = pd.families(body, 2.0), pd.LPS(1.0, 0.6)
+    apart = np.stack([0.05 * np.sign(body.positions[:, 0] - 5.6), np.zeros(96)], axis=1)
+    motion = pd.motion(pd.scene(body, families, model, moving=True), velocity=apart)
+    seen = {}
+
+    class Watch:
+        def __call__(self, scene, now):
+            seen[float(now.t)] = now
+            return {"t": now.t}
+
+        def stops(self, value):
+            return ""
+
+    watch = {"trust": pd.trust_observer("flag", margins=False), "states": Watch()}
+    run = {"dt": 0.5, "save_every": 20, "show_progress": False}
+    history = pd.simulate(motion, 40.0, observers=watch, breaking=pd.CriticalStretch(0.02), **run)
+    now = seen[float(history.times[-1])]
+    remaining = families.with_broken((np.asarray(families.weight) > 0) & ~np.asarray(now.alive))
+    state = pd.audit(model, remaining, now.u, margins=False, body=False)
+    assert not now.alive[families.is_bond].all() and len(seen) == 5
+    assert history.observed["trust"]["zero_energy"][-1] == state.zero_energy.max()
+    assert history.observed["trust"]["det"][-1] == state.det.min() > 0.5
+    intact = pd.audit(model, families, now.u, margins=False, body=False)
+    assert intact.stretches[1] > 2 > state.stretches[1]
+
+
 def test_only_simulate_without_a_transformation_accepts_it(motion):
     watch = {"trust": pd.trust_observer()}
     with pytest.raises(ValueError, match="runs on the host"):

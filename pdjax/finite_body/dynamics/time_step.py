@@ -16,9 +16,9 @@ from .system import Motion
 
 ACCURACY = 1e-3  # relative, of ω_max²
 SAFETY = 0.8  # default dt over the critical step at the start: a body may become stiffer as it deforms
-# The same for a run with breaking bonds. Bonds are looked at once a step and break late. At the tip of a fast crack they
-# release 1.58, 1.36, 1.18 and 1.09 times the fracture energy with 0.8, 0.4, 0.2 and 0.1 of the critical step (measured,
-# `pdjax.studies.running_cracks`).
+# The same for a run with breaking bonds. Bonds are looked at once a step and break late. At the tip of a fast crack
+# they release 1.58, 1.36, 1.18 and 1.09 times the fracture energy with 0.8, 0.4, 0.2 and 0.1 of the critical step
+# (measured, `pdjax.studies.running_cracks`).
 SAFETY_BREAKING = 0.2
 
 
