@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import pdjax as pd
-from pdjax.finite_body.statics.breaking import most_overloaded
+from pdjax.finite_body.statics.breaking_rounds import most_overloaded
 from pdjax.finite_body.statics.load_paths import load_paths
 
 SIDE = 12

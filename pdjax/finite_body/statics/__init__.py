@@ -10,6 +10,7 @@ The modules, in the order in which to read them:
     implicit        derivatives of an equilibrium, by the implicit function theorem
     arc_length      equilibrium_path: equilibria along the load, past limit points
     breaking        solve_breaking: equilibria of a body whose bonds break while its load grows
+    breaking_rounds the rounds of solve_breaking: solve, find the bonds that break, break them
     breaking_path   BreakingPath, its result
     recycled        the linear solver of solve_breaking, which uses a factorisation many times
     load_paths      the pieces that have broken off, and whether a load path remains
