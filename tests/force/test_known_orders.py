@@ -34,16 +34,18 @@ def test_strains_of_known_orders_have_all_digits(m):
         assert float(power_over_square(xi, move, m)) == pytest.approx(float(power), rel=2e-15)  # measured 6e-16
 
 
-@pytest.mark.parametrize("way", ["families", "slices"])
-@pytest.mark.parametrize("name", list(MODELS))
-@pytest.mark.parametrize("m", ORDERS)
+@pytest.mark.parametrize(
+    ("name", "m", "way"),
+    [("Seth-Hill", m, way) for m in ORDERS for way in ("families", "slices")]
+    + [(name, 0.5, "slices") for name in list(MODELS)[1:]],
+)
 def test_a_known_order_has_the_force_of_a_traced_one(name, m, way):
     known = pd.force_density(MODELS[name](m), FAMILIES, U, way=way)
     traced = jax.jit(lambda m: pd.force_density(MODELS[name](m), FAMILIES, U, way=way))(m)
     assert np.abs(known - traced).max() < 1e-13 * np.abs(traced).max()  # measured up to 2e-15
 
 
-@pytest.mark.parametrize("m", ORDERS)
+@pytest.mark.parametrize("m", [1.0, 0.0])
 def test_derivatives_in_a_known_order_are_exact(m):
     """The order is traced where a derivative with respect to it is taken, also where the value is known."""
 
