@@ -4,7 +4,7 @@ import argparse
 import math
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -116,3 +116,30 @@ def write_out(draw: Callable[[], "matplotlib.figure.Figure"], picture: Path, arr
         np.savez(stream, **arrays)
     write_picture(draw(), picture)
     return f"wrote {data} and {picture}"
+
+
+class Size(NamedTuple):
+    """Sizes of a scene of `run`: points and where they are counted, those of --quick, and horizon over spacing."""
+
+    n: int
+    where: str
+    quick: int
+    N: float
+
+
+def add_scene(scenes: Jobs, name: str, shows: str, size: Size) -> argparse.ArgumentParser:
+    """Add a scene of fracture to `run`, with the arguments that all of them share."""
+    job = scenes.add_parser(name, help=shows, description=f"{shows[0].upper()}{shows[1:]}.")
+    job.add_argument("--n", type=int, help=f"number of points {size.where} (default {size.n})")
+    job.add_argument("--N", type=float, default=size.N, help=f"horizon over spacing [-] (default {size.N:g})")
+    job.add_argument("--quick", action="store_true", help=f"a small body of {size.quick} points {size.where}")
+    job.add_argument("--json", action="store_true", help="print the results as one JSON object")
+    job.add_argument("--out", default=name, help=f"name of the output files, without extension (default {name})")
+    return job
+
+
+def points_of(arguments: argparse.Namespace, size: Size) -> int:
+    """The number of points that the arguments of a scene ask for."""
+    if arguments.n is not None:
+        return arguments.n
+    return size.quick if arguments.quick else size.n

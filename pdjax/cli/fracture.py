@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from .._internal.checks import writable
-from .common import Job, Jobs, write_out
+from .common import Job, Jobs, Size, add_scene, points_of, write_out
 
 if TYPE_CHECKING:
     from ..finite_body.dynamics.history import History
@@ -22,11 +22,10 @@ Result = tuple["Motion", "History", dict]  # the scene, its run, and the numbers
 
 
 class Case(NamedTuple):
-    """One scene: what it shows, its number of points and the small one of --quick, how to run it and to describe it."""
+    """One scene: what it shows, its sizes, how to run it and to describe it."""
 
     shows: str
-    n: int
-    quick: int
+    size: Size
     run: Callable[[argparse.Namespace, int], Result]
     words: Callable[[dict], list[str]]
 
@@ -97,21 +96,25 @@ def _kalthoff_words(out: dict) -> list[str]:
 
 
 CASES = {
-    "spall-bar": Case("a bar breaks where two release waves meet", 300, 100, _spall, _spall_words),
-    "branching-plate": Case(
-        "glass plate of Ha & Bobaru (2010): a crack runs and branches", 150, 100, _branching, _branching_words
+    "spall-bar": Case(
+        "a bar breaks where two release waves meet", Size(300, "along x", 100, 3.0), _spall, _spall_words
     ),
-    "kalthoff": Case("steel plate with two notches, hit between them", 100, 40, _kalthoff, _kalthoff_words),
+    "branching-plate": Case(
+        "glass plate of Ha & Bobaru (2010): a crack runs and branches",
+        Size(150, "along x", 100, 3.015),
+        _branching,
+        _branching_words,
+    ),
+    "kalthoff": Case(
+        "steel plate with two notches, hit between them", Size(100, "along x", 40, 3.015), _kalthoff, _kalthoff_words
+    ),
 }
 
 
 def add(scenes: Jobs) -> None:
     """Add the scenes to those of `run`."""
     for name, case in CASES.items():
-        job = scenes.add_parser(name, help=case.shows, description=f"{case.shows[0].upper()}{case.shows[1:]}.")
-        job.add_argument("--n", type=int, help=f"number of points along x (default {case.n})")
-        ratio = 3.0 if name == "spall-bar" else 3.015
-        job.add_argument("--N", type=float, default=ratio, help=f"horizon over spacing [-] (default {ratio:g})")
+        job = add_scene(scenes, name, case.shows, case.size)
         if name != "spall-bar":
             job.add_argument("--model", default=MODELS[0], choices=MODELS, help=f"material model (default {MODELS[0]})")
         if name == "branching-plate":
@@ -125,9 +128,6 @@ def add(scenes: Jobs) -> None:
             type=float,
             help="time step [time] (default 0.2 of the critical step; a larger one breaks the bonds too late)",
         )
-        job.add_argument("--quick", action="store_true", help=f"a small body of {case.quick} points along x")
-        job.add_argument("--json", action="store_true", help="print the results as one JSON object")
-        job.add_argument("--out", default=name, help=f"name of the output files, without extension (default {name})")
 
 
 def run(arguments: argparse.Namespace) -> Job:
@@ -136,8 +136,7 @@ def run(arguments: argparse.Namespace) -> Job:
 
     picture, data = (writable(f"{arguments.out}.{ending}") for ending in ("png", "npz"))
     case = CASES[arguments.scene]
-    n = arguments.n if arguments.n is not None else case.quick if arguments.quick else case.n
-    motion, history, out = case.run(arguments, n)
+    motion, history, out = case.run(arguments, points_of(arguments, case.size))
     body = motion.scene.body
     if not arguments.json:
         print(f"{arguments.scene}: {out['points']} points, horizon {out['horizon']:.4g}")

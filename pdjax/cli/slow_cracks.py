@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from .._internal.checks import writable
-from .common import Job, Jobs, write_out
+from .common import Job, Jobs, Size, add_scene, points_of, write_out
 
 if TYPE_CHECKING:
     from ..finite_body.scene import Scene
@@ -31,11 +31,10 @@ class Curve(NamedTuple):
 
 
 class Case(NamedTuple):
-    """One scene: what it shows, its number of points and the small one of --quick, and how to run it."""
+    """One scene: what it shows, its sizes, and how to run it."""
 
     shows: str
-    n: int
-    quick: int
+    size: Size
     run: Callable[[argparse.Namespace, int], tuple["Scene", "BreakingPath", dict, Curve]]
 
 
@@ -93,22 +92,22 @@ def _cantilever(arguments: argparse.Namespace, n: int):
 
 
 CASES = {
-    "cracked-plate": Case("plate with a crack in its middle, under slow tension (mode I)", 40, 20, _plate),
-    "double-cantilever": Case("two arms that are pulled apart slowly, with a crack between them", 12, 8, _cantilever),
+    "cracked-plate": Case(
+        "plate with a crack in its middle, under slow tension (mode I)", Size(40, "across the plate", 20, 3.0), _plate
+    ),
+    "double-cantilever": Case(
+        "two arms that are pulled apart slowly, with a crack between them",
+        Size(12, "across one arm", 8, 3.0),
+        _cantilever,
+    ),
 }
 
 
 def add(scenes: Jobs) -> None:
     """Add the scenes to those of `run`."""
     for name, case in CASES.items():
-        job = scenes.add_parser(name, help=case.shows, description=f"{case.shows[0].upper()}{case.shows[1:]}.")
-        across = "the plate" if name == "cracked-plate" else "one arm"
-        job.add_argument("--n", type=int, help=f"number of points across {across} (default {case.n})")
-        job.add_argument("--N", type=float, default=3.0, help="horizon over spacing [-] (default 3)")
+        job = add_scene(scenes, name, case.shows, case.size)
         job.add_argument("--model", default=MODELS[0], choices=MODELS, help=f"material model (default {MODELS[0]})")
-        job.add_argument("--quick", action="store_true", help=f"a small body of {case.quick} points across {across}")
-        job.add_argument("--json", action="store_true", help="print the results as one JSON object")
-        job.add_argument("--out", default=name, help=f"name of the output files, without extension (default {name})")
 
 
 def run(arguments: argparse.Namespace) -> Job:
@@ -117,8 +116,7 @@ def run(arguments: argparse.Namespace) -> Job:
 
     picture, data = (writable(f"{arguments.out}.{ending}") for ending in ("png", "npz"))
     case = CASES[arguments.scene]
-    n = arguments.n if arguments.n is not None else case.quick if arguments.quick else case.n
-    scene, path, found, curve = case.run(arguments, n)
+    scene, path, found, curve = case.run(arguments, points_of(arguments, case.size))
     first = float(path.broken_at.min())
     out = {
         "scene": arguments.scene,
