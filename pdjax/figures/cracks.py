@@ -72,7 +72,8 @@ def crack(
     if history.broken_at is None or damage not in history.observed:
         raise ValueError(
             f"crack needs a run with breaking bonds and an observer {damage!r}; its observers are"
-            f" {', '.join(history.observed) or 'none'}"
+            f" {', '.join(history.observed) or 'none'}. Run simulate with breaking=… and"
+            f" observers={{'{damage}': pd.observers.damage()}}"
         )
     shown = np.asarray(history.observed[damage])[-1]
     X, times = points.positions, np.asarray(history.times)
@@ -110,8 +111,7 @@ def crack(
 
 def _with_pre_crack(path: BreakingPath) -> np.ndarray:
     """Share of the bonds of every point that have broken at the end, bonds of a pre-crack included."""
-    before = np.asarray(path.intact.weight if path.intact.intact is None else path.intact.intact) > 0
-    return 1 - path.alive.sum(axis=1) / np.maximum(before.sum(axis=1), 1)
+    return 1 - path.alive.sum(axis=1) / np.maximum(np.asarray(path.intact.count), 1)
 
 
 def breaking_path(
@@ -119,8 +119,8 @@ def breaking_path(
     path: BreakingPath,
     x: np.ndarray,
     y: np.ndarray,
-    theory: np.ndarray,
-    names: tuple[str, str],
+    theory: np.ndarray | None = None,
+    names: tuple[str, str] = ("", ""),
     title: str = "",
 ) -> Figure:
     """Draw the damage of a 2D body after a slow load, a load curve beside theory, and the energies.
@@ -135,9 +135,9 @@ def breaking_path(
         Result of `solve_breaking`.
     x, y : array, shape (states,)
         The load curve, such as openings and forces.
-    theory : array, shape (states,)
+    theory : array, shape (states,), optional
         What theory says of y.
-    names : tuple of str
+    names : tuple of str, optional
         Names of x and y with their units.
     title : str, optional
         Title of the figure.
@@ -172,10 +172,12 @@ def breaking_path(
     limits = (0.0, max(float(shown.max()), 0.5))
     paint(axes["field"], tiles, shown, "damage φ  [-]", (0, 1), not upright, limits=limits)
     axes["field"].set_title(title, fontsize=10)
-    axes["curve"].plot(x, theory, "--", color="#444444", label="theory")
+    if theory is not None:
+        axes["curve"].plot(x, theory, "--", color="#444444", label="theory")
     axes["curve"].plot(x, y, ".-", color=SERIES[0], markersize=4, label="computed")
     axes["curve"].set(xlabel=names[0], ylabel=names[1])
     axes["curve"].legend(fontsize=8, frameon=False)
+    axes["curve"].locator_params(axis="x", nbins=6)
     budget = path.energies
     for name, colour in zip(("strain", "released", "dissipated"), SERIES, strict=False):
         axes["energy"].plot(path.load_factors, getattr(budget, name), color=colour, label=name)

@@ -208,7 +208,7 @@ def crack_speed(times: ArrayLike, tip: ArrayLike, window: float) -> Float[np.nda
     -------
     array, shape (saves,)
         Slope [length/time] of the least-squares line through the saves within half a window of each save. NaN where
-        the window holds fewer than two saves.
+        the window holds fewer than two saves: take a window of three saves or more.
 
     Raises
     ------

@@ -180,6 +180,9 @@ def cut(families: Families, surface: Surface) -> Families:
     A bond is cut if the straight line between its ends crosses the surface or touches its edge. Call `cut` again for a
     further crack.
 
+    `cut` makes a body that was made with its crack: the bonds have never existed, and LPS takes its reference sums
+    without them. For a crack that has grown, break the bonds: `families.with_broken(cracked.weight < families.weight)`.
+
     Examples
     --------
     A vertical crack in a bar of 2 × 4 points cuts one bond, in the families of both ends.

@@ -96,6 +96,11 @@ def read_states(run: Any, families: Families) -> States:
     if run.broken_at is None:
         raise ValueError("no bond could break in this run: pass breaking= to simulate")
     at, u, broken = np.asarray(getattr(run, name), float), np.asarray(run.u), np.asarray(run.broken_at, float)
+    if u.ndim == 3 and u.shape[1] != len(families):
+        raise ValueError(
+            f"the families have {len(families)} points and the run has {u.shape[1]}; pass the families of the body"
+            " that the run started with"
+        )
     if u.shape != (len(at), len(families), families.dim):
         raise ValueError(
             f"the run must hold u of every state, shape (states, points, dim) = ({len(at)}, {len(families)},"

@@ -62,7 +62,7 @@ def test_a_slow_crack_is_solved_and_writes_its_files(scene, tmp_path, capsys):
     assert (tmp_path / "crack.png").stat().st_size > 10_000
     with np.load(tmp_path / "crack.npz") as kept:
         assert np.isfinite(kept["broken_at"]).sum() == 2 * out["broken_bonds"]
-        assert kept["damage"].shape == (out["points"],)
+        assert kept["alive"].shape == kept["broken_at"].shape
 
 
 def test_the_command_of_the_cracked_plate_says_what_the_handbook_expects(tmp_path, capsys, monkeypatch):

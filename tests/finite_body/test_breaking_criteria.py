@@ -319,3 +319,20 @@ def test_bonds_of_a_no_fail_mask_do_not_break(criterion):
     assert np.array_equal(*both) and np.array_equal(both[0], whole & ~zone)
     with pytest.raises(ValueError, match=r"shape \(30,\), or one for each bond, shape \(30, 12\); got shape \(30, 3\)"):
         criterion(1e-6, no_fail=np.zeros((30, 3), bool)).broken(pd.BondBased(1.0), families, u)
+
+
+def test_mistakes_of_newcomers_are_named():
+    families, model = pd.families(pd.lattice((5, 4)), 2.1), pd.LPS(1.0, 0.6)
+    u = np.zeros((20, 2))
+    with pytest.raises(ValueError, match=r"smoothing must be at most 0\.2 of the critical stretch.*Take a tenth"):
+        pd.CriticalStretch(0.01, smoothing=0.005)
+    with pytest.raises(ValueError, match=r"BreakingRule failed: .*states= is given"):
+        pd.BreakingRule(lambda bond, here, there: jnp.trace(here) > 0).broken(model, families, u)
+    with pytest.raises(ValueError, match="BreakingRule failed"):
+        pd.BreakingRule(lambda bond: True).broken(model, families, u)
+    safe = np.arange(20) < 3
+    family = pd.lattice_family(2, 2.1)
+    whole = pd.CriticalStretch.from_fracture_energy(1e-4, model, family, smoothing=1e-4, no_fail=safe)
+    plain = pd.CriticalStretch.from_fracture_energy(1e-4, model, family)
+    assert float(whole.stretch) == float(plain.stretch) and whole.smooth and np.array_equal(whole.no_fail, safe)
+    assert repr(pd.CriticalStretch(0.01)) == "CriticalStretch(stretch=0.01)"

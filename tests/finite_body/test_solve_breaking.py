@@ -268,3 +268,14 @@ def test_what_is_wrong_is_refused():
     severed = pulled(MODELS["LPS"], pd.cut(FAMILIES, pd.Plane((0.0, 6.0), (0.0, 1.0))))
     with pytest.raises(ValueError, match="check that a cut does not sever the body"):
         pd.solve_breaking(severed, STRETCH, **QUIET)
+
+
+def test_a_checkpoint_that_exists_is_kept(tmp_path):
+    body = pd.bar(3, 3.0)
+    bar = pd.scene(body, pd.families(body, 1.0), pd.BondBased(1.0), pd.prescribe([0, 2], [[0.0], [0.2]]))
+    file, criterion = tmp_path / "path.npz", pd.CriticalStretch(0.5)
+    pd.solve_breaking(bar, criterion, load_steps=3, checkpoint=file, show_progress=False)
+    before = file.read_bytes()
+    with pytest.warns(UserWarning, match=r"is kept as .*path\.npz\.old; to continue from it, pass resume=True"):
+        pd.solve_breaking(bar, criterion, load_steps=2, checkpoint=file, show_progress=False)
+    assert (tmp_path / "path.npz.old").read_bytes() == before

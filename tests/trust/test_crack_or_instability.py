@@ -1,6 +1,7 @@
 """Cracks and instabilities that are known beforehand, in runs of prescribed displacements and of `simulate`."""
 
 import json
+import types
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -276,3 +277,9 @@ def test_wrong_runs_are_named():
     one_end[0, 0] = 1.0
     with pytest.raises(ValueError, match="both ends"):
         judge(replace(run, broken_at=one_end))
+
+
+def test_families_of_another_body_are_named():
+    run = types.SimpleNamespace(times=np.arange(2.0), u=np.zeros((2, 30, 2)), broken_at=np.full((30, 12), np.inf))
+    with pytest.raises(ValueError, match="the families have 20 points and the run has 30"):
+        pd.crack_or_instability(pd.LPS(1.0, 0.6), pd.families(pd.lattice((5, 4)), 2.1), run)

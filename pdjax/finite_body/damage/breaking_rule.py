@@ -78,7 +78,13 @@ class BreakingRule(Criterion):
         there = jax.tree.map(lambda x: x[families.neighbours], here)
 
         def one(bond: Bonds, here: PyTree, there: PyTree) -> Array:
-            value = jnp.asarray(self.function(bond, here, there))
+            try:
+                value = jnp.asarray(self.function(bond, here, there))
+            except Exception as error:
+                raise ValueError(
+                    f"the function (bond, here, there) of BreakingRule failed: {type(error).__name__}: {error}. It must"
+                    " use jax.numpy and no Python `if` on values; here and there are None unless states= is given"
+                ) from error
             if value.shape != () or value.dtype != bool:
                 raise ValueError(
                     f"the function of BreakingRule must return one bool for one bond; got shape {value.shape} of"

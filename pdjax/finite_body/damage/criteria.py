@@ -20,6 +20,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from ..._internal.checks import native
+from ..._internal.shown import shown
 from ...force.fields import body_state
 from ...geometry.bonds import Bonds, Families
 from ...models.base import AbstractModel
@@ -59,6 +60,9 @@ class Criterion(eqx.Module):
         if self.no_fail.ndim == 1:
             return self.no_fail[:, None] | self.no_fail[families.neighbours]
         return self.no_fail | self.no_fail[families.neighbours, families.reverse]
+
+    def __repr__(self) -> str:
+        return shown(self)
 
     def refusal(self, model: AbstractModel) -> str | None:
         """Why the criterion cannot serve this model, and which models it can serve. None if it can."""

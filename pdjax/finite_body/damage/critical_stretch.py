@@ -25,13 +25,15 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 from numpy.typing import ArrayLike
 
-from ..._internal.checks import as_real, check_positive, namespace, on_device, on_host
+from ..._internal.checks import as_real, check_positive, namespace, on_device, on_host, require
 from ..._internal.public import public_function
 from ...geometry.bonds import Bonds, Families, LatticeFamily
 from ...models.base import AbstractModel
 from ...models.kinematics import stretch_minus_one
 from .criteria import Criterion
 from .fracture_energy import cut_coefficient
+
+WIDEST = 0.2  # of s₀: at rest a bond then has lost 0.7 % of its force
 
 
 class CriticalStretch(Criterion):
@@ -45,7 +47,8 @@ class CriticalStretch(Criterion):
         Critical stretch s₀ [-], > 0. With one for each point, a bond has the smaller value of its two ends.
     smoothing : float, optional
         Width w [-] of the sigmoid by which a bond loses its force, > 0. A run then has derivatives beyond the first
-        break, see the module. Only for models that keep the reference sums of the intact family, `BondBased` and `LPS`.
+        break, see the module. Take s₀/10 or less: at rest a bond has lost the share exp(−s₀/w). Only for models that
+        keep the reference sums of the intact family, `BondBased` and `LPS`.
         Default None: a bond breaks at once.
     no_fail : array of bool, shape (points,) or (points, bonds), optional
         Points whose bonds never break, or bonds that never break.
@@ -79,6 +82,14 @@ class CriticalStretch(Criterion):
         check_positive("stretch", self.stretch)
         if self.smoothing is not None:
             check_positive("smoothing", self.smoothing)
+            share = self.smoothing / namespace(self.stretch, self.smoothing).min(self.stretch)
+            narrow = share <= WIDEST
+            require(
+                share,
+                narrow,
+                f"smoothing must be at most {WIDEST:g} of the critical stretch, else bonds lose force without any"
+                f" stretch; got {share} of it. Take a tenth or less",
+            )
 
     @property
     def smooth(self) -> bool:
@@ -140,6 +151,9 @@ class CriticalStretch(Criterion):
         calibrate: str = "closed form",
         influence: Callable | str | None = None,
         state: str = "crossing",
+        *,
+        smoothing: float | None = None,
+        no_fail: ArrayLike | None = None,
     ) -> "CriticalStretch":
         """Make the criterion whose broken plane has released the fracture energy G_c per area.
 
@@ -159,6 +173,8 @@ class CriticalStretch(Criterion):
         state : {"crossing", "uniform"}, optional
             Deformation in which the plane breaks. "crossing": the bonds that cross the plane have the stretch s₀, all
             others none. "uniform": all bonds of the body have the stretch s₀. Both are equal for `BondBased`.
+        smoothing, no_fail : optional
+            As in `CriticalStretch`.
 
         Returns
         -------
@@ -189,7 +205,8 @@ class CriticalStretch(Criterion):
         check_positive("energy", energy)
         coefficient = cut_coefficient(model, family, calibrate, influence, state)
         energy, coefficient = on_host((energy, coefficient))
-        return CriticalStretch(on_device(namespace(energy, coefficient).sqrt(energy / coefficient)))
+        stretch = on_device(namespace(energy, coefficient).sqrt(energy / coefficient))
+        return CriticalStretch(stretch, smoothing, no_fail=no_fail)  # type: ignore[arg-type]
 
     def fracture_energy(
         self,

@@ -25,6 +25,8 @@ def released_energy(model: AbstractModel, families: Families, u, broken: ArrayLi
 
     ΔΠ = Π(u, before) − Π(u, after)
 
+    It is that of one break. The energy that all breaks of a run have released is `History.energies.released`.
+
     Parameters
     ----------
     model : AbstractModel

@@ -21,14 +21,14 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import PyTree
 
-from ..._internal.checks import Tree, written_whole
+from ..._internal.checks import Tree, writable, written_whole
 from ..._internal.version import VERSION
 
 State = TypeVar("State")
 DIFFERS = (
-    "its scene, model, density, schedule, observers, fields, dt or save_every differ from those of this run, or another"
-    " version of JAX wrote it; the defaults of dt and save_every depend on the duration, so give both from the start if"
-    " you want to extend a run later"
+    "its scene, initial state, breaking criterion, model, density, schedule, observers, fields, dt or save_every differ"
+    " from those of this run, or another version of JAX wrote it; the defaults of dt and save_every depend on the"
+    " duration, so give both from the start if you want to extend a run later"
 )
 
 
@@ -45,6 +45,19 @@ def fingerprint(program: str, *data: PyTree) -> str:
         array = np.ascontiguousarray(leaf)
         digest.update(f"{array.shape} {array.dtype}".encode() + array.tobytes())
     return digest.hexdigest()
+
+
+def fresh(path: str | os.PathLike, resume: bool, stacklevel: int = 4) -> Path:
+    """The path of a checkpoint that can be written. Without `resume` an existing file is renamed, with a warning."""
+    path = writable(path)
+    if path.exists() and not resume:
+        old = path.with_name(path.name + ".old")
+        os.replace(path, old)
+        warnings.warn(
+            f"the checkpoint {path} exists already and is kept as {old}; to continue from it, pass resume=True",
+            stacklevel=stacklevel,
+        )
+    return path
 
 
 def save(path: str | os.PathLike, name: str, state: PyTree, records: list[Tree]) -> bool:

@@ -99,8 +99,8 @@ class History(eqx.Module):
     stopped_by : str
         Name of the observer that stopped the run and its reason; empty if none did.
     alive : array of bool, shape (points, bonds), or None
-        Bonds that have not broken at the end. With a smooth criterion: the share of each bond that is left [-], float.
-        None if no bond could break.
+        Bonds that exist and have not broken at the end; those of a pre-crack are not. With a smooth criterion: the
+        share of each bond that is left [-], float. None if no bond could break.
     broken_at : array, shape (points, bonds), or None
         Time [time] at which each bond broke, inf if it did not. It exceeded the criterion in the state of that time.
 

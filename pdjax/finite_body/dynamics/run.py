@@ -21,7 +21,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, PyTree
 
-from ..._internal.checks import Numbers, inside_jit, is_concrete, writable
+from ..._internal.checks import Numbers, inside_jit, is_concrete
 from ..._internal.progress import progress
 from ..._internal.public import public_function
 from ..damage.criteria import Criterion
@@ -253,14 +253,7 @@ def _watch(motion: Motion, observers, dt, saves, every, fields, path, checkpoint
     first = host.added(first, state)
     records, name = [first], ""
     if path is not None:
-        path = writable(path)
-        if path.exists() and not resume:
-            old = path.with_name(path.name + ".old")
-            os.replace(path, old)
-            warnings.warn(
-                f"the checkpoint {path} exists already and is kept as {old}; to continue from it, pass resume=True",
-                stacklevel=4,
-            )
+        path = checkpoints.fresh(path, resume, stacklevel=5)
         program = _go_on.lower(ready, observers, state, step, many, fields).as_text()  # type: ignore[attr-defined]
         # The text tells observers of the host apart.
         on_host = np.frombuffer(repr(host.observers).encode(), np.uint8)
@@ -414,7 +407,9 @@ def simulate(
 
     Notes
     -----
-    Under jit, vmap or grad the run gives the same numbers and is differentiable in forward and reverse mode. Reverse
+    Under jit, vmap or grad the run gives the same numbers and is differentiable in forward and reverse mode. A break is
+    a jump: derivatives do not see that a bond breaks earlier or later, and that with respect to a critical stretch is
+    zero. A criterion with `smoothing` has derivatives beyond the first break. Reverse
     mode keeps 2 √save_every states for each save. Such a run is not monitored and writes no checkpoint. Its results
     are NaN from the first save on that is not finite. Under jit and vmap `dt` must be given.
 

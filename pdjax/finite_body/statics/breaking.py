@@ -21,13 +21,12 @@ and a point whose bonds no longer determine its deformation loses them all (`pdj
 """
 
 import os
-from pathlib import Path
 
 import equinox as eqx
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..._internal.checks import finite, in_double, is_concrete, on_device, writable
+from ..._internal.checks import finite, in_double, is_concrete, on_device
 from ..._internal.progress import progress
 from ..._internal.public import public_function
 from ..damage.criteria import Criterion
@@ -125,7 +124,7 @@ def solve_breaking(
     max_iterations : int, optional
         Largest number of Newton iterations of an equilibrium. Default 50.
     checkpoint : path, optional
-        File that is written after each load step, from which a run can continue.
+        File that is written after each load step, from which a run can continue. An existing file is kept as FILE.old.
     resume : bool, optional
         Continue from `checkpoint`, bit for bit. The load factors may be other ones beyond those that it has passed.
     show_progress : bool, optional
@@ -185,9 +184,7 @@ def solve_breaking(
     body = BreakingBody(scene, breaking, bonds_per_step, tolerance, max_iterations)
     name, done = "", 0
     if checkpoint is not None:
-        path = Path(checkpoint)
-        if not resume:
-            writable(path)
+        path = checkpoints.fresh(checkpoint, resume)
         u = on_device(body.u)
         program = looked.lower(body.scene, breaking, u, number(0.0, u)).as_text()  # type: ignore[attr-defined]
         settings = (bonds_per_step or 0, tolerance, max_iterations)
@@ -208,7 +205,7 @@ def solve_breaking(
         first = body.first_break()
         body.detail += (
             f". This is the first load step, and the first bond breaks near load factor {first:.4g}: take load factors"
-            f" that start below it, such as load_steps=np.linspace({0.9 * first:.3g}, {factors[-1]:.3g}, 50)"
+            f" that start below it, such as load_steps=np.linspace({0.9 * first:.3g}, {2 * first:.3g}, 50)"
         )
     found = body.path()
     if throw and found.code in (BreakingEnding.LOAD_LOST, BreakingEnding.NO_EQUILIBRIUM):

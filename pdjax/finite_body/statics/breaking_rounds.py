@@ -144,6 +144,11 @@ class BreakingBody:
         if code != SolveEnding.CONVERGED:
             self.code = BreakingEnding.NO_EQUILIBRIUM
             self.detail = f"at load factor {factor:.6g}, {SolveEnding.of(int(code)).reason}"
+            if self.load.any():
+                self.detail += (
+                    ". The body may be unable to carry this load; prescribe displacements instead of forces to follow"
+                    " a crack that grows in a stable way"
+                )
             return False
         self.q, self.factor = found, factor
         self.look()
