@@ -6,19 +6,15 @@ that runs it, one that describes it in words, and one line in `CASES`.
 
 import argparse
 from collections.abc import Callable
-from typing import TYPE_CHECKING, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from .._internal.checks import writable
 from .common import Job, Jobs, Size, add_scene, points_of, write_out
 
-if TYPE_CHECKING:
-    from ..finite_body.dynamics.history import History
-    from ..finite_body.dynamics.system import Motion
-
 MODELS = ("bond-based", "lps")
-Result = tuple["Motion", "History", dict]  # the scene, its run, and the numbers
+Result = tuple[Any, Any, dict]  # the Motion of the scene, the History of its run, and the numbers
 
 
 class Case(NamedTuple):

@@ -6,16 +6,12 @@ This module is not a command. `run` adds its scenes to `pdjax run`. A further sc
 
 import argparse
 from collections.abc import Callable
-from typing import TYPE_CHECKING, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from .._internal.checks import writable
 from .common import Job, Jobs, Size, add_scene, points_of, write_out
-
-if TYPE_CHECKING:
-    from ..finite_body.scene import Scene
-    from ..finite_body.statics.breaking_path import BreakingPath
 
 MODELS = ("lps", "bond-based")
 ENERGY = 1e-6  # fracture energy of the scenes, for a Young's modulus of 1 and lengths near 1
@@ -35,7 +31,7 @@ class Case(NamedTuple):
 
     shows: str
     size: Size
-    run: Callable[[argparse.Namespace, int], tuple["Scene", "BreakingPath", dict, Curve]]
+    run: Callable[[argparse.Namespace, int], tuple[Any, Any, dict, Curve]]  # Scene, BreakingPath, numbers, curve
 
 
 def _model(name: str, delta: float):
