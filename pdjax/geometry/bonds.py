@@ -85,6 +85,13 @@ class Bonds(NamedTuple):
         return self.omega if self.intact is None else self.intact
 
 
+def without_collapse(xi: Any, eta: Any, omega: Any) -> Any:
+    """η (…, dim), but 0 for a broken bond whose ends meet. It has no direction, and its force 0 · ∞ would be NaN."""
+    xp = namespace(xi, eta, omega)
+    meets = (omega == 0) & (xp.abs(xi + eta) == 0).all(axis=-1)
+    return xp.where(meets[..., None], 0, eta)
+
+
 EACH_BOND = Bonds(0, 0, 0, 0, None, 0)  # type: ignore[arg-type]  # vmap over the bonds of a family: they share δ
 
 
@@ -435,6 +442,18 @@ class Families(eqx.Module):
         xp = namespace(self.count)
         return xp.arange(self.xi.shape[1]) < xp.asarray(self.count)[:, None]
 
+    @property
+    def acting(self) -> Bool[Array | np.ndarray, "points bonds"]:
+        """Whether each slot holds a bond with a weight > 0 at one end or both, shape (points, bonds).
+
+        With a horizon for each point, a bond may have a weight at one end only.
+        """
+        self.need_arrays()
+        xp = namespace(self.weight, self.neighbours, self.reverse, self.count)
+        families = on_host(self) if xp is np else self
+        here = families.weight > 0
+        return (here | here[families.neighbours, families.reverse]) & families.is_bond
+
     def bonds(
         self, u: Float[Array | np.ndarray, "points dim"], F: Float[Array | np.ndarray, "dim dim"] | None = None
     ) -> Bonds:
@@ -467,6 +486,8 @@ class Families(eqx.Module):
         horizon = xp.broadcast_to(families.horizon, (len(families),))
         omega, volume = families.influence * families.weight, families.volumes[families.neighbours]
         intact = None if families.intact is None else families.influence * families.intact
+        if intact is not None:
+            eta = without_collapse(families.xi, eta, omega)
         return Bonds(self.xi, *on_device((eta, omega, volume, horizon, intact)))
 
     def need_arrays(self) -> None:

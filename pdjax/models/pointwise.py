@@ -60,7 +60,7 @@ def directions_of_rest(dim: int, count: int) -> np.ndarray:
 
 def regular(bonds: Bonds) -> tuple[Bonds, Bool[Array, " points"]]:
     """(families that every model can take, whether each was empty): see the module."""
-    empty = ~jnp.any(bonds.omega > 0, axis=-1)
+    empty = ~jnp.any(bonds.omega != 0, axis=-1)  # with a signed influence ω may be negative
     rest = directions_of_rest(bonds.xi.shape[-1], bonds.xi.shape[-2]).astype(bonds.xi.dtype)
     here = empty[:, None, None]
     xi = jnp.where(here, bonds.horizon[:, None, None] * rest, bonds.xi)

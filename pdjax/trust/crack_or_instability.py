@@ -6,8 +6,8 @@ bonds was sound in the last stored state before. It judges the **intact** lattic
 deformation of the points around (`pdjax.trust.surroundings`). Three findings mean "instability first":
 
     unstable lattice   the margin of the infinite lattice under the stretch of the points exceeds its rounding error
-    zero-energy mode   neighbours alternate with a share of zero-energy modes above 0.1, or the lattice is soft and the
-                       share is above 0.5
+    zero-energy mode   the lattice is soft, and neighbours alternate with a share of zero-energy modes above 0.1, or
+                       the share is above 0.5
     collapse           det F̄ ≤ 0
 
 A finding needs a quarter of the points around, because a wave needs room. Next to the faces of a crack single points
@@ -77,7 +77,7 @@ def _judged(
     if margin.value > margin.rounding and not harmless:
         grown = "" if growth is None else f", growth of at most e^{growth:.1f} since the start"
         return INSTABILITY, f"{state} the intact lattice was unstable: {measured}{grown}"
-    if around.alternating > ALTERNATING[1]:
+    if margin.value > soft and around.alternating > ALTERNATING[1]:
         return INSTABILITY, f"{state} neighbours alternated in a zero-energy mode: {measured}"
     if margin.value > soft and around.share > VARYING:
         return INSTABILITY, f"{state} zero-energy modes of a soft lattice took up the strain: {measured}"

@@ -9,7 +9,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
-from ...geometry.bonds import Bonds, Families
+from ...geometry.bonds import Bonds, Families, without_collapse
 from ...models.base import AbstractModel
 from ...models.pointwise import split_model
 
@@ -35,6 +35,7 @@ def bonds_of(
     horizon = jnp.broadcast_to(families.horizon, (len(families),))[some]
     eta = u[near] - u[some][:, None]
     omega = influence * weight * share[some]
+    eta = without_collapse(families.xi[some], eta, omega)
     return Bonds(families.xi[some], eta, omega, families.volumes[near], horizon, influence * intact)
 
 

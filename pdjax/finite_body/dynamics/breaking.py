@@ -18,6 +18,7 @@ bonds that remain, and a point whose remaining bonds no longer determine its def
 (`pdjax.finite_body.damage.fragments`). In such a model a break may also raise the strain energy, ΔΠ < 0.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import equinox as eqx
@@ -28,6 +29,8 @@ from jaxtyping import Array, Bool, Float, Int
 
 from ..._internal.checks import Numbers
 from ...force.fields import energies
+from ...geometry.bonds import Bonds, Families
+from ...models.base import AbstractModel
 from ..damage.criteria import Criterion
 from ..damage.few_points import FEW, bonds_of, model_of, select
 from ..damage.fragments import without_fragments
@@ -71,8 +74,9 @@ def unbroken(criterion: Criterion, scene: Scene) -> Broken:
     """
     assert scene.operator is not None
     families = scene.families
-    xp = jnp if isinstance(families.weight, jax.core.Tracer) else np
-    alive = xp.asarray(families.weight) > 0
+    alive = families.acting
+    xp = jnp if isinstance(alive, jax.core.Tracer) else np
+    alive = xp.asarray(alive)
     alive = alive.astype(families.dtype) if criterion.smooth else alive
     sums = scene.operator.backend.sums(scene.model)
     return Broken(alive, alive, xp.full(alive.shape, -1, xp.int32), xp.zeros((), families.dtype), sums)
@@ -113,19 +117,26 @@ def after_break(scene: Scene, u: Float[Array, "points dim"], step: Int[Array, ""
     model, families, backend = scene.model, scene.families, scene.operator.backend
     changed = jnp.any(bonds.left != bonds.alive, axis=1)
 
+    def drop(own: AbstractModel, before_after: Sequence[Bonds], of: Sequence[Families]) -> Array:
+        """W before minus W after; NaN for a model without an energy."""
+        if not own.hyperelastic:
+            return jnp.full(len(before_after[0].xi), jnp.nan, families.dtype)
+        W = [energies(own, f, b) for f, b in zip(of, before_after, strict=True)]
+        return W[0] - W[1]
+
     def at_few() -> tuple[Array, Array | None]:
         points, real = select(changed)
         own = model_of(model, len(families), points)
         before, after = (bonds_of(families, u, share, points) for share in (bonds.alive, bonds.left))
-        W = energies(own, families, before) - energies(own, families, after)
+        W = drop(own, (before, after), (families, families))
         sums = None if bonds.sums is None else backend.new_sums(own, bonds.sums, after, points, real)
         return jnp.sum(jnp.where(real, families.volumes[points] * W, 0.0)), sums
 
     def at_all() -> tuple[Array, Array | None]:
-        two = (families.with_share(share) for share in (bonds.alive, bonds.left))
-        W = [energies(model, own, own.bonds(u)) for own in two]
+        two = [families.with_share(share) for share in (bonds.alive, bonds.left)]
+        W = drop(model, [own.bonds(u) for own in two], two)
         sums = None if bonds.sums is None else backend.with_share(model, bonds.left, None).sums(model)
-        return jnp.dot(families.volumes, W[0] - W[1]), sums
+        return jnp.dot(families.volumes, W), sums
 
     def broken() -> tuple[Array, Array, Array | None]:
         # The energy of a model that needs the other end changes at the neighbours too.
@@ -146,4 +157,5 @@ def _whole(share: Share) -> Bool[Array, "points bonds"]:
 def times_of_breaks(at: Int[Numbers, "points bonds"], dt) -> Float[Numbers, "points bonds"]:
     """The time at which each bond exceeded the criterion, inf if it has not broken."""
     xp = np if isinstance(at, np.ndarray) else jnp
-    return xp.where(at >= 0, at * dt, xp.inf)
+    dt = xp.asarray(dt)
+    return xp.where(at >= 0, at.astype(dt.dtype) * dt, xp.asarray(xp.inf, dt.dtype))

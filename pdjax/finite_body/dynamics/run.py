@@ -106,14 +106,17 @@ def _traced(motion: Motion, observers: Mapping[str, Observer], dt, saves: int, e
         return jnp.where(all_of.finite.reshape(-1, *[1] * (x.ndim - 1)), x, jnp.nan)
 
     _, kept, budget, observed, _, _ = jax.tree.map(alive, all_of)
+    times = (every * jnp.arange(saves + 1)) * dt  # the same products of step and Δt as in a monitored run
     u, v = kept if fields else (jnp.where(state.finite, x, jnp.nan)[None] for x in (state.u, state.v))
-    times = dt * every * jnp.arange(saves + 1)
     return History(times, u, v, budget, observed, dt, state.step, None, None, "", *_of_bonds(state, dt))
 
 
 def _of_bonds(state: State, dt) -> tuple[Numbers | None, Numbers | None]:
     """The bonds that are alive, and the times at which the others broke."""
-    return (None, None) if state.bonds is None else (state.bonds.alive, times_of_breaks(state.bonds.at, dt))
+    if state.bonds is None:
+        return None, None
+    dt = dt if isinstance(dt, jax.core.Tracer) else np.asarray(dt, state.u.dtype)
+    return state.bonds.alive, times_of_breaks(state.bonds.at, dt)
 
 
 def run_length(motion: Motion, duration) -> float:

@@ -94,7 +94,7 @@ class BreakingBody:
     def __init__(self, scene: Scene, criterion: Criterion, most: int | None, tolerance: float, iterations: int):
         self.intact, self.criterion, self.most = scene, criterion, most
         self.tolerance, self.iterations, self.solver = tolerance, iterations, Recycled()
-        self.alive = np.asarray(scene.families.weight) > 0
+        self.alive = np.asarray(scene.families.acting)
         self.broken_at = np.full(self.alive.shape, np.inf)
         self.q = np.zeros(len(scene.unknowns), scene.prescribed.dtype)
         self.factor, self.released, self.dissipated = 0.0, 0.0, 0.0

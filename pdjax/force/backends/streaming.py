@@ -13,6 +13,7 @@ every bond has the same weight seen from both ends. `reference_sums` computes on
 configuration alone.
 """
 
+import functools
 from collections.abc import Callable
 from functools import partial
 from typing import Any
@@ -103,6 +104,10 @@ def _bond(
             eta[k] = jnp.where(real, eta[k], 0.0)
         if gradient is not None:
             eta[k] = eta[k] + sum(gradient[k, l] * xi[l] for l in range(dim))
+    if isinstance(traversal, SlotTraversal) and traversal.share is not None:  # see `geometry.bonds.without_collapse`
+        meets = functools.reduce(jnp.logical_and, (a + b == 0 for a, b in zip(xi, eta, strict=True)), slot.omega == 0)
+        for k in range(dim):
+            eta[k] = jnp.where(meets, 0.0, eta[k])
     return Bonds(xi, eta, _one(slot.omega), _one(far), _one(horizon))
 
 

@@ -94,8 +94,9 @@ class SlotTraversal(eqx.Module):
             omega.T,
             None if symmetric else back.T,
         )
-        turned = jax.tree.map(np.ascontiguousarray, turned) if xp is np else turned
-        return SlotTraversal(*on_device((*turned, families.volumes, np.ones((), families.dtype))))
+        share = None if families.intact is None else families.acting.T
+        turned, share = jax.tree.map(np.ascontiguousarray, (turned, share)) if xp is np else (turned, share)
+        return SlotTraversal(*on_device((*turned, families.volumes, np.ones((), families.dtype), share)))
 
     filled = None
     embed = staticmethod(lambda x: x.T)  # (points, components) → (components, flat)
