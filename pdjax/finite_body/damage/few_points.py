@@ -13,7 +13,7 @@ from ...geometry.bonds import Bonds, Families, without_collapse
 from ...models.base import AbstractModel
 from ...models.pointwise import split_model
 
-FEW = 2048  # a crack that runs through 10⁵ points in 2D breaks bonds of about 50 of them in one step (measured)
+FEW = 512  # a crack that runs through 10⁵ points in 2D breaks bonds of about 50 of them in one step (measured)
 
 
 def select(points: Bool[Array, " points"]) -> tuple[Int[Array, " few"], Bool[Array, " few"]]:

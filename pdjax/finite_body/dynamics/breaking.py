@@ -43,13 +43,14 @@ class Broken(NamedTuple):
     """What has become of the bonds of a run.
 
     `alive` (points, bonds) tells which bonds act in the force of this state, or with which share, and `left` which act
-    in the next. `at` (points, bonds) is the number of the step at which a bond broke, −1 if it has not: with shares,
-    at which less than half of it was left. `released` is the energy [energy] that all breaks have released. `sums` are
-    the reference sums over the bonds that are alive, see `Backend.sums`, or None.
+    in the next; `breaks` tells whether they differ. `at` (points, bonds) is the number of the step at which a bond
+    broke, −1 if it has not: with shares, at which less than half of it was left. `released` is the energy [energy] that
+    all breaks have released. `sums` are the reference sums over the bonds that are alive, see `Backend.sums`, or None.
     """
 
     alive: Share
     left: Share
+    breaks: Bool[Array, ""]
     at: Int[Array, "points bonds"]
     released: Float[Array, ""]
     sums: Float[Array, "entries points"] | None
@@ -79,7 +80,8 @@ def unbroken(criterion: Criterion, scene: Scene) -> Broken:
     alive = xp.asarray(alive)
     alive = alive.astype(families.dtype) if criterion.smooth else alive
     sums = scene.operator.backend.sums(scene.model)
-    return Broken(alive, alive, xp.full(alive.shape, -1, xp.int32), xp.zeros((), families.dtype), sums)
+    never = xp.full(alive.shape, -1, xp.int32)
+    return Broken(alive, alive, xp.zeros((), bool), never, xp.zeros((), families.dtype), sums)
 
 
 def pulled(
@@ -101,11 +103,10 @@ def pulled(
     else:
         f, hit = both
         force, left = families.volumes[:, None] * (f + factor * scene.load), alive & ~hit
+    breaks = jnp.any(left != alive)
     if model.has_shape_tensor:
-        left = jax.lax.cond(
-            jnp.any(left != alive), lambda: without_fragments(model, families, alive, left), lambda: left
-        )
-    return force, bonds._replace(left=left)
+        left = jax.lax.cond(breaks, lambda: without_fragments(model, families, alive, left), lambda: left)
+    return force, bonds._replace(left=left, breaks=breaks)
 
 
 def after_break(scene: Scene, u: Float[Array, "points dim"], step: Int[Array, ""], bonds: Broken) -> Broken:
@@ -115,7 +116,6 @@ def after_break(scene: Scene, u: Float[Array, "points dim"], step: Int[Array, ""
     """
     assert scene.operator is not None
     model, families, backend = scene.model, scene.families, scene.operator.backend
-    changed = jnp.any(bonds.left != bonds.alive, axis=1)
 
     def drop(own: AbstractModel, before_after: Sequence[Bonds], of: Sequence[Families]) -> Array:
         """W before minus W after; NaN for a model without an energy."""
@@ -124,28 +124,35 @@ def after_break(scene: Scene, u: Float[Array, "points dim"], step: Int[Array, ""
         W = [energies(own, f, b) for f, b in zip(of, before_after, strict=True)]
         return W[0] - W[1]
 
-    def at_few() -> tuple[Array, Array | None]:
+    def times(before: Share, after: Share, at: Array) -> Array:
+        return jnp.where(_whole(before) & ~_whole(after), step, at)
+
+    def at_few(changed: Array) -> tuple[Array, Array, Array | None]:
         points, real = select(changed)
         own = model_of(model, len(families), points)
         before, after = (bonds_of(families, u, share, points) for share in (bonds.alive, bonds.left))
         W = drop(own, (before, after), (families, families))
         sums = None if bonds.sums is None else backend.new_sums(own, bonds.sums, after, points, real)
-        return jnp.sum(jnp.where(real, families.volumes[points] * W, 0.0)), sums
+        at = times(bonds.alive[points], bonds.left[points], bonds.at[points])
+        at = bonds.at.at[jnp.where(real, points, len(families))].set(at, mode="drop")
+        return jnp.sum(jnp.where(real, families.volumes[points] * W, 0.0)), at, sums
 
-    def at_all() -> tuple[Array, Array | None]:
+    def at_all(changed: Array) -> tuple[Array, Array, Array | None]:
         two = [families.with_share(share) for share in (bonds.alive, bonds.left)]
         W = drop(model, [own.bonds(u) for own in two], two)
         sums = None if bonds.sums is None else backend.with_share(model, bonds.left, None).sums(model)
-        return jnp.dot(families.volumes, W), sums
+        return jnp.dot(families.volumes, W), times(bonds.alive, bonds.left, bonds.at), sums
 
     def broken() -> tuple[Array, Array, Array | None]:
         # The energy of a model that needs the other end changes at the neighbours too.
-        few = jnp.sum(changed) <= FEW
-        released, sums = at_all() if model.needs_other_end else jax.lax.cond(few, at_few, at_all)
-        at = jnp.where(_whole(bonds.alive) & ~_whole(bonds.left), step, bonds.at)
+        changed = jnp.any(bonds.left != bonds.alive, axis=1)
+        if model.needs_other_end:
+            released, at, sums = at_all(changed)
+        else:
+            released, at, sums = jax.lax.cond(jnp.sum(changed) <= FEW, at_few, at_all, changed)
         return bonds.released + released, at, sums
 
-    released, at, sums = jax.lax.cond(jnp.any(changed), broken, lambda: (bonds.released, bonds.at, bonds.sums))
+    released, at, sums = jax.lax.cond(bonds.breaks, broken, lambda: (bonds.released, bonds.at, bonds.sums))
     return bonds._replace(alive=bonds.left, released=released, at=at, sums=sums)
 
 

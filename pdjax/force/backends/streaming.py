@@ -13,7 +13,6 @@ every bond has the same weight seen from both ends. `reference_sums` computes on
 configuration alone.
 """
 
-import functools
 from collections.abc import Callable
 from functools import partial
 from typing import Any
@@ -104,10 +103,6 @@ def _bond(
             eta[k] = jnp.where(real, eta[k], 0.0)
         if gradient is not None:
             eta[k] = eta[k] + sum(gradient[k, l] * xi[l] for l in range(dim))
-    if isinstance(traversal, SlotTraversal) and traversal.share is not None:  # see `geometry.bonds.without_collapse`
-        meets = functools.reduce(jnp.logical_and, (a + b == 0 for a, b in zip(xi, eta, strict=True)), slot.omega == 0)
-        for k in range(dim):
-            eta[k] = jnp.where(meets, 0.0, eta[k])
     return Bonds(xi, eta, _one(slot.omega), _one(far), _one(horizon))
 
 
@@ -300,6 +295,9 @@ def _pull_of_both(
     both = _trees(structure, shapes, summed)
     dear = traversal.dear(*read, *summed)
     total = by_components(force, traversal.volumes.dtype, traversal.one, dear)(own, both, both, bond)
+    if isinstance(traversal, SlotTraversal) and traversal.share is not None:
+        # The ends of a broken bond may meet. It has no direction then, and its force 0 · ∞ would be NaN.
+        total = [jnp.where(slot.omega == 0, 0.0, x) for x in total]
     return bond.volume[()] * (1.0 if shapes else 2.0), total
 
 
