@@ -35,6 +35,7 @@ import pdjax as pd
 from pdjax.bench.harness import write
 from pdjax.figures import SERIES
 from pdjax.figures.fields import outlines, paint
+from pdjax.finite_body.dynamics.time_step import SAFETY_BREAKING
 from pdjax.studies import running_cracks
 
 jax.config.update("jax_enable_x64", True)
@@ -49,7 +50,7 @@ def inside(value, band):
     return bool(band[0] <= value <= band[1])
 
 
-def run(name, body, n, N=3.015, share=running_cracks.STEP, model="bond-based", poisson=None, **more):
+def run(name, body, n, N=3.015, share=SAFETY_BREAKING, model="bond-based", poisson=None, **more):
     """One run: its settings, its numbers, the bands it meets, and its time."""
     if model == "lps":
         more["model"] = pd.LPS.from_young(poisson=poisson, **(GLASS if body == "glass" else STEEL))

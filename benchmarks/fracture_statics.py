@@ -52,8 +52,7 @@ def criterion_of(kind: str, model: pd.AbstractModel, n: int, N: float, no_fail=N
     if kind == "energy":
         return pd.CriticalBondEnergy(pd.CriticalBondEnergy.from_fracture_energy(G, family).energy, no_fail=no_fail)
     calibrate = "lattice" if kind == "stretch, lattice" else "closed form"
-    found = pd.CriticalStretch.from_fracture_energy(G, model, family, calibrate=calibrate)
-    return pd.CriticalStretch(found.stretch, no_fail=no_fail)
+    return pd.CriticalStretch.from_fracture_energy(G, model, family, calibrate=calibrate, no_fail=no_fail)
 
 
 def plate(name: str, kind: str, n: int, N: float, step: float) -> dict:

@@ -46,8 +46,7 @@ def _criterion(model, n: int, N: float, no_fail=None):
     import pdjax as pd
 
     family = pd.lattice_family(2, N, 1 / n)
-    found = pd.CriticalStretch.from_fracture_energy(ENERGY, model, family, calibrate="lattice")
-    return pd.CriticalStretch(found.stretch, no_fail=no_fail)
+    return pd.CriticalStretch.from_fracture_energy(ENERGY, model, family, calibrate="lattice", no_fail=no_fail)
 
 
 def _plate(arguments: argparse.Namespace, n: int):

@@ -12,18 +12,37 @@ from ..geometry.points import Points
 from .charts import SERIES
 from .fields import outlines, paint
 
-ENERGIES = ("kinetic", "strain", "released")
+
+def _panels(X: np.ndarray, beside: str, ratios: tuple[float, float]) -> tuple[Figure, Any]:
+    """A figure with the axes "field", `beside` and "energy". An upright body has the other two at its side.
+
+    `ratios` are the heights of the two rows for any other body.
+    """
+    upright = _upright(X)
+    figure = Figure(figsize=(9.6, 6.0) if upright else (8.0, 6.8), layout="constrained")
+    places: Any = [["field", beside], ["field", "energy"]] if upright else [["field", "field"], [beside, "energy"]]
+    return figure, figure.subplot_mosaic(places, height_ratios=[1, 1] if upright else ratios)
 
 
-def _energies(axes: Axes, history: History) -> None:
-    """The energy budget over the time: what the body holds and has released, and what was done on it."""
-    budget, times = history.energies, np.asarray(history.times)
-    for name, colour in zip(ENERGIES, SERIES, strict=False):
-        axes.plot(times, np.asarray(getattr(budget, name)), color=colour, label=name)
-    work = np.asarray(budget.supports) + np.asarray(budget.loads)
-    if np.isfinite(work).all() and work.any():
-        axes.plot(times, work, "--", color="#444444", label="work of loads and supports")
-    axes.set(xlabel="t  [time]", ylabel="energy")
+def _upright(X: np.ndarray) -> bool:
+    return X.shape[1] == 2 and bool(np.ptp(X[:, 1]) > np.ptp(X[:, 0]))
+
+
+def _damage(axes: Axes, points: Points, shown: np.ndarray) -> None:
+    """The damage of a 2D body."""
+    tiles = outlines(points, points.positions, np.ones(len(points), bool), (0, 1))
+    limits = (0.0, max(float(shown.max()), 0.5))
+    paint(axes, tiles, shown, "damage φ  [-]", (0, 1), not _upright(points.positions), limits=limits)
+
+
+def _energies(axes: Axes, x: np.ndarray, abscissa: str, budget: Any, names: tuple[str, ...], work: str) -> None:
+    """The energy budget: what the body holds, has released and lost, and the work that was done on it."""
+    for name, colour in zip(names, SERIES, strict=False):
+        axes.plot(x, np.asarray(getattr(budget, name)), color=colour, label=name)
+    done = np.asarray(budget.supports) + np.asarray(budget.loads)
+    if np.isfinite(done).all() and done.any():
+        axes.plot(x, done, "--", color="#444444", label=work)
+    axes.set(xlabel=abscissa, ylabel="energy")
     axes.legend(fontsize=8, frameon=False)
 
 
@@ -77,25 +96,13 @@ def crack(
         )
     shown = np.asarray(history.observed[damage])[-1]
     X, times = points.positions, np.asarray(history.times)
-    upright = points.dim == 2 and bool(np.ptp(X[:, 1]) > np.ptp(X[:, 0]))
-    figure = Figure(figsize=(9.6, 6.0) if upright else (8.0, 6.8), layout="constrained")
-    places: Any = [["field", "way"], ["field", "energy"]] if upright else [["field", "field"], ["way", "energy"]]
-    axes: Any = figure.subplot_mosaic(places, height_ratios=[1, 1] if upright else [1.35, 1])
+    figure, axes = _panels(X, "way", (1.35, 1))
     if points.dim == 1:
         order = np.argsort(X[:, 0])
         axes["field"].plot(X[order, 0], shown[order], ".-", color=SERIES[0], linewidth=1.0, markersize=4)
         axes["field"].set(xlabel="position x  [length]", ylabel="damage φ  [-]", ylim=(-0.02, 1.02))
     else:
-        tiles = outlines(points, X, np.ones(len(points), bool), (0, 1))
-        paint(
-            axes["field"],
-            tiles,
-            shown,
-            "damage φ  [-]",
-            (0, 1),
-            not upright,
-            limits=(0.0, max(float(shown.max()), 0.5)),
-        )
+        _damage(axes["field"], points, shown)
     axes["field"].set_title(title, fontsize=10)
     if tips:
         for (name, tip), colour in zip(tips.items(), SERIES, strict=False):
@@ -105,7 +112,8 @@ def crack(
         at = np.sort(np.asarray(history.broken_at)[np.isfinite(history.broken_at)])
         axes["way"].plot(times, np.searchsorted(at, times, side="right") / 2, color=SERIES[0])
     axes["way"].set(xlabel="t  [time]", ylabel="way of the tip  [length]" if tips else "broken bonds")
-    _energies(axes["energy"], history)
+    names = ("kinetic", "strain", "released")
+    _energies(axes["energy"], times, "t  [time]", history.energies, names, "work of loads and supports")
     return figure
 
 
@@ -163,14 +171,8 @@ def breaking_path(
     """
     if points.dim != 2:
         raise ValueError(f"breaking_path draws bodies of dim 2; got dim {points.dim}")
-    shown, X = _with_pre_crack(path), points.positions
-    upright = bool(np.ptp(X[:, 1]) > np.ptp(X[:, 0]))
-    figure = Figure(figsize=(9.6, 6.0) if upright else (8.0, 6.8), layout="constrained")
-    places: Any = [["field", "curve"], ["field", "energy"]] if upright else [["field", "field"], ["curve", "energy"]]
-    axes: Any = figure.subplot_mosaic(places, height_ratios=[1, 1] if upright else [1, 1.35])
-    tiles = outlines(points, X, np.ones(len(points), bool), (0, 1))
-    limits = (0.0, max(float(shown.max()), 0.5))
-    paint(axes["field"], tiles, shown, "damage φ  [-]", (0, 1), not upright, limits=limits)
+    figure, axes = _panels(points.positions, "curve", (1, 1.35))
+    _damage(axes["field"], points, _with_pre_crack(path))
     axes["field"].set_title(title, fontsize=10)
     if theory is not None:
         axes["curve"].plot(x, theory, "--", color="#444444", label="theory")
@@ -178,10 +180,6 @@ def breaking_path(
     axes["curve"].set(xlabel=names[0], ylabel=names[1])
     axes["curve"].legend(fontsize=8, frameon=False)
     axes["curve"].locator_params(axis="x", nbins=6)
-    budget = path.energies
-    for name, colour in zip(("strain", "released", "dissipated"), SERIES, strict=False):
-        axes["energy"].plot(path.load_factors, getattr(budget, name), color=colour, label=name)
-    axes["energy"].plot(path.load_factors, budget.supports + budget.loads, "--", color="#444444", label="work")
-    axes["energy"].set(xlabel="load factor λ  [-]", ylabel="energy")
-    axes["energy"].legend(fontsize=8, frameon=False)
+    names_of_energies = ("strain", "released", "dissipated")
+    _energies(axes["energy"], path.load_factors, "load factor λ  [-]", path.energies, names_of_energies, "work")
     return figure

@@ -184,11 +184,11 @@ def _backend(model: AbstractModel, families: Families, way: str) -> Backend:
     return BACKENDS[way].prepare(model, families)
 
 
-def _prepared(model: AbstractModel, families: Families, way: str, mean: bool) -> tuple[Backend, str]:
-    """Check the arguments, and return the prepared backend and its name."""
+def _prepared(model: AbstractModel, families: Families, way: str, mean: bool) -> tuple[AbstractModel, Backend, str]:
+    """Check the arguments, and return the model for the forces, the prepared backend and its name."""
     check_model(model, families, Families)
     way = _choose(model, families, way, mean)
-    return _backend(model, families, way), way
+    return model.specialised(), _backend(model, families, way), way
 
 
 @public_function
@@ -231,12 +231,10 @@ def force_operator(model: AbstractModel, families: Families, way: str = "auto", 
     choice("way", way, WAYS)
     key = value_key(model) if isinstance(families, Families) and is_concrete(families) else None
     if key is None:
-        backend, way = _prepared(model, families, way, mean)
+        ready = _prepared(model, families, way, mean)
     else:
-        backend, way = remember(families, ("force", way, mean, key), lambda: _prepared(model, families, way, mean))
-    if is_concrete(model):
-        model = model.specialised()
-    return ForceOperator(model, families, backend, way)
+        ready = remember(families, ("force", way, mean, key), lambda: _prepared(model, families, way, mean))
+    return ForceOperator(ready[0], families, *ready[1:])
 
 
 @public_function

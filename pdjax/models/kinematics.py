@@ -305,7 +305,7 @@ def displacement_gradient(bonds: Bonds) -> Float[Array, "dim dim"]:
 def bond_strain_moment(bonds: Bonds, m) -> Float[Array, " p"]:
     """Σ w e_m n⊗n as a Mandel vector [length^dim]."""
     w = bonds.omega * bonds.volume
-    return (w * seth_hill(log_stretch(bonds.xi, bonds.eta), m)) @ direction_mandel(bonds.xi)
+    return (w * bond_strain(bonds.xi, bonds.eta, m)) @ direction_mandel(bonds.xi)
 
 
 @public_function

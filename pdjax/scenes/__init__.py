@@ -14,6 +14,7 @@ order in which to read them:
     glass_plate        a notched plate whose crack branches
     edge_impact        a plate with two notches that is hit between them
     rayleigh           the speed of Rayleigh waves
+    springs            the bond-based material of the two plates
     alternation        a measure of how strongly the displacements of neighbouring points alternate
 """
 

@@ -21,7 +21,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .._internal.checks import on_device
 from ..finite_body.conditions import prescribe
 from ..finite_body.damage.critical_stretch import CriticalStretch
 from ..finite_body.dynamics.system import Motion, Ramp, motion
@@ -31,10 +30,9 @@ from ..geometry.cuts import Segment, crossed
 from ..geometry.neighbour_search import families
 from ..geometry.points import lattice
 from ..models.base import AbstractModel
-from ..models.bond_based import FREE_SHEAR, BondBased
-from ..models.plane import plane_bulk_modulus
 from .bodies import checked_count, checked_ratio
 from .rayleigh import rayleigh_speed
+from .springs import springs
 
 LENGTH, NOTCH, HEIGHTS = 0.1, 0.05, (0.075, 0.125)  # m; the plate is 0.2 m high
 YOUNG, POISSON, DENSITY, FRACTURE_ENERGY = 190e9, 0.25, 8000.0, 22170.0
@@ -128,14 +126,10 @@ def kalthoff(
     for height in HEIGHTS:
         notched = notched.with_broken(crossed(own, Segment((0.0, height), (NOTCH, height))))
     if model is None:
-        bulk = YOUNG / (3 * (1 - 2 * POISSON))
-        model = BondBased.from_family(plane_bulk_modulus(bulk, FREE_SHEAR["strain"] * bulk, "strain"), one)
+        model = springs(YOUNG, POISSON, "strain", one)
     x, y = body.positions.T
     hit = (x < N * h) & (HEIGHTS[0] < y) & (y < HEIGHTS[1])
-    breaking = CriticalStretch(
-        CriticalStretch.from_fracture_energy(FRACTURE_ENERGY, model, one, calibrate="lattice").stretch,
-        no_fail=on_device(hit),
-    )
+    breaking = CriticalStretch.from_fracture_energy(FRACTURE_ENERGY, model, one, calibrate="lattice", no_fail=hit)
     expected = EdgeImpact(
         breaking,
         FRACTURE_ENERGY,

@@ -24,7 +24,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .._internal.checks import on_device
 from ..finite_body.conditions import body_force
 from ..finite_body.damage.critical_stretch import CriticalStretch
 from ..finite_body.dynamics.system import Motion, motion
@@ -34,10 +33,9 @@ from ..geometry.cuts import Segment, crossed
 from ..geometry.neighbour_search import families
 from ..geometry.points import lattice
 from ..models.base import AbstractModel
-from ..models.bond_based import FREE_SHEAR, BondBased
-from ..models.plane import plane_bulk_modulus
 from .bodies import checked_count, checked_ratio
 from .rayleigh import rayleigh_speed
+from .springs import springs
 
 LENGTH, HEIGHT, NOTCH = 0.1, 0.04, 0.05  # m
 YOUNG, POISSON, DENSITY, FRACTURE_ENERGY = 72e9, 1 / 3, 2440.0, 135.0
@@ -137,12 +135,10 @@ def branching_plate(
     y, middle = body.positions[:, 1], HEIGHT / 2
     notched = own.with_broken(crossed(own, Segment((0.0, middle), (NOTCH, middle))))
     if model is None:
-        bulk = YOUNG / (3 * (1 - 2 * POISSON))
-        model = BondBased.from_family(plane_bulk_modulus(bulk, FREE_SHEAR["stress"] * bulk, "stress"), one)
+        model = springs(YOUNG, POISSON, "stress", one)
     away = np.abs(y - middle)
-    breaking = CriticalStretch(
-        CriticalStretch.from_fracture_energy(FRACTURE_ENERGY, model, one, calibrate="lattice").stretch,
-        no_fail=on_device(away > middle - N * h),
+    breaking = CriticalStretch.from_fracture_energy(
+        FRACTURE_ENERGY, model, one, calibrate="lattice", no_fail=away > middle - N * h
     )
     loads = [body_force(side, [0.0, sign * stress / h]) for sign, side in ((1, y > HEIGHT - h), (-1, y < h))]
     expected = GlassPlate(

@@ -34,12 +34,11 @@ from ..finite_body.damage.fracture_energy import sums_of_plane
 from ..finite_body.dynamics.history import History
 from ..finite_body.dynamics.run import simulate
 from ..finite_body.dynamics.system import Motion
-from ..finite_body.dynamics.time_step import critical_time_step
+from ..finite_body.dynamics.time_step import SAFETY_BREAKING, critical_time_step
 from ..models.bond_based import BondBased
 from ..scenes import EdgeImpact, GlassPlate, Spall
 
 SAVES = 150
-STEP = 0.2  # default time step over the critical one
 FIT = 0.05  # m, the length of a crack of the steel plate whose angle is measured
 REACH = 0.012  # m, the length of the branches of the glass plate whose angle is measured
 WINDOW = 6.0  # time over which the speed is measured, over horizon/c_R
@@ -47,7 +46,7 @@ WINDOW = 6.0  # time over which the speed is measured, over horizon/c_R
 
 def _run(motion: Motion, breaking: Criterion, watch: dict, dt: float | None, show: bool) -> tuple[History, CrackPath]:
     if dt is None:
-        dt = STEP * critical_time_step(motion)
+        dt = SAFETY_BREAKING * critical_time_step(motion)
     assert motion.duration is not None
     every = max(1, round(motion.duration / dt / SAVES))
     watch = {"damage": observers.damage()} | watch

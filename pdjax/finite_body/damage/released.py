@@ -8,6 +8,8 @@ the same F̄, and such a model releases nothing. In other states it may even gai
 be strained more than the mean. So G_c × area is not claimed for correspondence models.
 """
 
+from collections.abc import Sequence
+
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
@@ -15,8 +17,20 @@ from numpy.typing import ArrayLike
 
 from ..._internal.public import public_function
 from ...force.fields import body_state, check_model, energies
-from ...geometry.bonds import Families
+from ...geometry.bonds import Bonds, Families
 from ...models.base import AbstractModel
+
+
+def energy_drop(model: AbstractModel, families: Sequence[Families], bonds: Sequence[Bonds]) -> Float[Array, " points"]:
+    """W of every point before a break minus that after it; NaN for a model without an energy.
+
+    `families` and `bonds` hold those before and after. Where the model needs no other end, `bonds` and the constants of
+    `model` may be those of a few points.
+    """
+    before, after = bonds
+    if not model.hyperelastic:
+        return jnp.full(len(before.xi), jnp.nan, before.xi.dtype)
+    return energies(model, families[0], before) - energies(model, families[1], after)
 
 
 @public_function
@@ -79,5 +93,5 @@ def released_energy(model: AbstractModel, families: Families, u, broken: ArrayLi
 
 @eqx.filter_jit
 def _released(model: AbstractModel, before: Families, after: Families, u: Array, F: Array | None) -> Array:
-    W = energies(model, before, before.bonds(u, F)) - energies(model, after, after.bonds(u, F))
-    return jnp.dot(before.volumes, W)
+    two = before, after
+    return jnp.dot(before.volumes, energy_drop(model, two, [families.bonds(u, F) for families in two]))

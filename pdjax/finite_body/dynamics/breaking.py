@@ -18,7 +18,6 @@ bonds that remain, and a point whose remaining bonds no longer determine its def
 (`pdjax.finite_body.damage.fragments`). In such a model a break may also raise the strain energy, ΔΠ < 0.
 """
 
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import equinox as eqx
@@ -28,12 +27,10 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from ..._internal.checks import Numbers
-from ...force.fields import energies
-from ...geometry.bonds import Bonds, Families
-from ...models.base import AbstractModel
 from ..damage.criteria import Criterion
 from ..damage.few_points import FEW, bonds_of, model_of, select
 from ..damage.fragments import without_fragments
+from ..damage.released import energy_drop
 from ..scene import Scene
 
 Share = Bool[Array, "points bonds"] | Float[Array, "points bonds"]
@@ -117,13 +114,6 @@ def after_break(scene: Scene, u: Float[Array, "points dim"], step: Int[Array, ""
     assert scene.operator is not None
     model, families, backend = scene.model, scene.families, scene.operator.backend
 
-    def drop(own: AbstractModel, before_after: Sequence[Bonds], of: Sequence[Families]) -> Array:
-        """W before minus W after; NaN for a model without an energy."""
-        if not own.hyperelastic:
-            return jnp.full(len(before_after[0].xi), jnp.nan, families.dtype)
-        W = [energies(own, f, b) for f, b in zip(of, before_after, strict=True)]
-        return W[0] - W[1]
-
     def times(before: Share, after: Share, at: Array) -> Array:
         return jnp.where(_whole(before) & ~_whole(after), step, at)
 
@@ -131,7 +121,7 @@ def after_break(scene: Scene, u: Float[Array, "points dim"], step: Int[Array, ""
         points, real = select(changed)
         own = model_of(model, len(families), points)
         before, after = (bonds_of(families, u, share, points) for share in (bonds.alive, bonds.left))
-        W = drop(own, (before, after), (families, families))
+        W = energy_drop(own, (families, families), (before, after))
         sums = None if bonds.sums is None else backend.new_sums(own, bonds.sums, after, points, real)
         at = times(bonds.alive[points], bonds.left[points], bonds.at[points])
         at = bonds.at.at[jnp.where(real, points, len(families))].set(at, mode="drop")
@@ -139,7 +129,7 @@ def after_break(scene: Scene, u: Float[Array, "points dim"], step: Int[Array, ""
 
     def at_all(changed: Array) -> tuple[Array, Array, Array | None]:
         two = [families.with_share(share) for share in (bonds.alive, bonds.left)]
-        W = drop(model, [own.bonds(u) for own in two], two)
+        W = energy_drop(model, two, [own.bonds(u) for own in two])
         sums = None if bonds.sums is None else backend.with_share(model, bonds.left, None).sums(model)
         return jnp.dot(families.volumes, W), times(bonds.alive, bonds.left, bonds.at), sums
 
