@@ -40,11 +40,11 @@ from .._internal.xla import QUICK, compiled_with
 from ..geometry.bonds import Families
 from ..models.base import AbstractModel
 from ..models.promises import check_promises
-from .backends import fft, padded, slices
+from .backends import compiled, fft, padded, slices
 from .backends.backend import Backend, BackendModule
 from .fields import check_model, point_field
 
-BACKENDS: dict[str, BackendModule] = {"families": padded, "slices": slices, "fft": fft}
+BACKENDS: dict[str, BackendModule] = {"families": padded, "slices": slices, "fft": fft, "compiled": compiled}
 WAYS = ("auto", *BACKENDS)
 HUGE = 3.0  # a body that moves apart by more than this many times its size has probably a wrong u
 MANY = 100  # offsets from which "fft" of degree 1 is faster than "slices" (3D, N = 3 has 122; `pdjax bench ways`)

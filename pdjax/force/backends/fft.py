@@ -37,7 +37,7 @@ from ...geometry.bonds import EACH_BOND, Bonds, Families
 from ...models.base import AbstractModel, PointStateModel, Sums
 from ...models.pointwise import split_model
 from .backend import Backend, lattice_refusal
-from .streaming import state_rows
+from .point_states import state_rows
 from .traversal import from_cells, to_cells
 
 Monomial = tuple[int, ...]  # the components of u in a product; −1 − q stands for entry q of the point state

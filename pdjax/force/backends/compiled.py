@@ -1,0 +1,99 @@
+"""The backend "compiled": loops over the bonds as machine code, made by LLVM from the formulas of the model.
+
+It needs the package llvmlite (`pip install "pdjax[compiled]"`), a CPU and float64, and serves models made of moments
+on bodies that are not traced. The formulas and the loops are in `pdjax.force.compiled`.
+"""
+
+import functools
+import importlib.util
+import sys
+from typing import ClassVar
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from ..._internal.checks import is_concrete
+from ..._internal.dependence import known_part
+from ..._internal.memory import remember
+from ...geometry.bonds import Families
+from ...models.base import AbstractModel
+from .backend import Backend, lattice_refusal
+from .point_states import reference_moments
+
+INSTALL = 'it needs the package llvmlite; install it with: pip install "pdjax[compiled]"'
+
+
+class Compiled(Backend):
+    """The layout of a body, together with the sums over its reference configuration."""
+
+    quick: ClassVar[bool] = True  # little is left for XLA to compile
+
+    layout: eqx.Module  # LatticePairs or CloudBonds
+    reference: Array  # (entries, flat)
+    horizon: Array
+
+    def force(self, model: AbstractModel, u: Float[Array, "points dim"], F: Array | None) -> Float[Array, "points dim"]:
+        """f of every point; see `Backend.force`."""
+        from ..compiled.model_pairs import ModelPairs
+
+        gradient = None if F is None else F - jnp.eye(u.shape[1], dtype=u.dtype)
+        return ModelPairs(model, len(u), self.layout, self.horizon, gradient).force(self.reference, u)
+
+
+@functools.cache
+def _unavailable() -> str | None:
+    """Why this machine cannot use the backend, or None if it can."""
+    if importlib.util.find_spec("llvmlite") is None:
+        return INSTALL
+    from ..compiled.handler import functions
+
+    if sys.platform == "win32" or "XLA_FFI_ThreadPool_Schedule" not in functions()[0]:
+        return "this operating system or version of jaxlib has no interface for compiled loops"
+    return None
+
+
+def refusal(model: AbstractModel, families: Families) -> str | None:
+    """Why this backend cannot evaluate this model and body, or None if it can."""
+    why = _unavailable()
+    if why:
+        return why
+    if jax.default_backend() != "cpu":
+        return f"it computes on CPUs, and JAX computes on {jax.default_backend()!r} here"
+    if not model.by_moments:
+        return f"{type(model).__name__} has no point state made of sums over single bonds"
+    if not is_concrete(families):
+        return "the families are traced"
+    if families.dtype != np.float64:
+        return f"it computes in float64, and the families are in {families.dtype}"
+    if families.intact is not None:
+        return "some of its bonds are broken"
+    if families.xi is None and lattice_refusal(model, families):
+        return "the families were made with arrays=False"
+    return None
+
+
+@eqx.filter_jit
+def _reference(model: AbstractModel, layout: eqx.Module, horizon: Array, points: int) -> Array:
+    from ..compiled.model_pairs import ModelPairs
+
+    return ModelPairs(model, points, layout, horizon, None).reference()
+
+
+def prepare(model: AbstractModel, families: Families) -> Backend:
+    """The backend for these families."""
+    from ..compiled.layouts import CloudBonds, LatticePairs
+
+    kind = CloudBonds if lattice_refusal(model, families) else LatticePairs
+    layout = remember(families, ("layout", kind.kind), lambda: kind.of(families))
+    horizon = jnp.asarray(families.horizon)
+    horizon = horizon[layout.order] if horizon.ndim else horizon
+    points, dim = len(families), families.dim
+    part = known_part(families, "reference", lambda m: reference_moments(m, points, dim), model)
+    if part is None:
+        return Compiled(layout, _reference(model, layout, horizon, points), horizon)
+    key, there = part
+    name = ("reference sums", kind.kind, key)
+    return Compiled(layout, remember(families, name, lambda: _reference(there, layout, horizon, points)), horizon)

@@ -1,0 +1,145 @@
+"""What a pair of points contributes to the sums of both: programs of scalars, and their derivatives.
+
+A program maps (here, there, ξ, ω, ω of the reverse bond, numbers) to (near, far): the contributions to the sums of the
+near end and of the far end. `here` and `there` are numbers of the two points, `numbers` are shared by all points.
+
+    tangent      d(near, far) for changes of some of the points' and shared numbers
+    transposed   for a program linear in some of its inputs: the contributions to the gradient of Σ w·sum in these
+                 inputs, where w are further numbers of the points
+
+A pair seen from its other end, (there, here, −ξ, …), must give (far, near). Both derivatives keep this property.
+"""
+
+import re
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import jax
+import numpy as np
+from jax.extend import core
+
+Scalars = list[Any]
+
+
+def _literals(jaxpr: core.Jaxpr) -> list[str]:
+    """All literals and the constants of inner programs, which the printed program abbreviates."""
+    found = []
+    for eqn in jaxpr.eqns:
+        found += [repr(np.asarray(v.val).tolist()) for v in eqn.invars if isinstance(v, core.Literal)]
+        for inner in eqn.params.values():
+            if isinstance(inner, core.ClosedJaxpr):
+                found += [repr(np.asarray(c).tolist()) for c in inner.consts] + _literals(inner.jaxpr)
+            elif isinstance(inner, core.Jaxpr):
+                found += _literals(inner)
+    return found
+
+
+class PairProgram:
+    """A traced program. Two programs are equal if they compute the same.
+
+    Attributes
+    ----------
+    jaxpr : ClosedJaxpr
+        The scalar program.
+    rows : int
+        Count of the numbers of one point.
+    numbers : tuple of int
+        Lengths of the vectors of shared numbers.
+    dim, outs : int
+        Dimension, and count of the sums of one point.
+    """
+
+    def __init__(self, function: Callable, rows: int, numbers: Sequence[int], dim: int):
+        """Trace function(here, there, xi, omega, back, numbers) -> (near, far), all of them lists of scalars."""
+        self.rows, self.numbers, self.dim = rows, tuple(numbers), dim
+        sizes = (rows, rows, dim, 1, 1, *numbers)
+
+        def flat(*given):
+            here, there, xi, (omega,), (back,), *shared = _cut(given, sizes)
+            near, far = function(here, there, xi, omega, back, shared)
+            return [*near, *far]
+
+        one = jax.ShapeDtypeStruct((), np.dtype(np.float64))
+        self.jaxpr = jax.make_jaxpr(flat)(*[one] * sum(sizes))
+        self.outs = len(self.jaxpr.jaxpr.outvars) // 2
+        consts = [repr(np.asarray(c).tolist()) for c in self.jaxpr.consts]
+        printed = re.sub(r" at 0x[0-9a-f]+", "", str(self.jaxpr.jaxpr))  # addresses of functions
+        self._key = (printed, *consts, *_literals(self.jaxpr.jaxpr), rows, self.numbers, dim)
+
+    def __hash__(self) -> int:
+        return hash(self._key)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, PairProgram) and self._key == other._key
+
+    def __repr__(self) -> str:
+        return f"PairProgram({self.rows} rows, {self.numbers} numbers, {self.outs} sums)"
+
+    def __call__(self, here: Scalars, there: Scalars, xi: Scalars, omega, back, numbers: list[Scalars]):
+        flat = core.jaxpr_as_fun(self.jaxpr)(*here, *there, *xi, omega, back, *(x for v in numbers for x in v))
+        return flat[: self.outs], flat[self.outs :]
+
+
+def _cut(given: Sequence, sizes: Sequence[int]) -> list[Scalars]:
+    """A flat list as lists of these lengths."""
+    ends = np.cumsum([0, *sizes])
+    return [list(given[a:b]) for a, b in zip(ends[:-1], ends[1:], strict=True)]
+
+
+def _filled(all_: int, some: dict[int, Any], rest: Scalars) -> Scalars:
+    """A list of `all_` entries: those of `some` at their places, and `rest` in order at the other places."""
+    left = iter(rest)
+    return [some[k] if k in some else next(left) for k in range(all_)]
+
+
+def tangent(program: PairProgram, rows: tuple[int, ...], numbers: tuple[int, ...]) -> PairProgram:
+    """The change of the contributions when these rows and vectors of shared numbers change.
+
+    The new program has the same inputs, followed by the changes of these rows and of these vectors.
+    """
+
+    def function(here, there, xi, omega, back, shared):
+        at, changes = shared[: len(program.numbers)], shared[len(program.numbers) :]
+        near, far = here[: program.rows], there[: program.rows]
+
+        def of(mine, theirs, some):
+            return program(
+                _filled(program.rows, dict(zip(rows, mine, strict=True)), [near[k] for k in range(program.rows) if k not in rows]),
+                _filled(program.rows, dict(zip(rows, theirs, strict=True)), [far[k] for k in range(program.rows) if k not in rows]),
+                xi, omega, back,
+                _filled(len(at), dict(zip(numbers, some, strict=True)), [v for k, v in enumerate(at) if k not in numbers]),
+            )  # fmt: skip
+
+        where = [near[k] for k in rows], [far[k] for k in rows], [at[k] for k in numbers]
+        along = here[program.rows :], there[program.rows :], changes
+        return jax.jvp(of, where, along)[1]
+
+    lengths = (*program.numbers, *(program.numbers[k] for k in numbers))
+    return PairProgram(function, program.rows + len(rows), lengths, program.dim)
+
+
+def transposed(program: PairProgram, rows: tuple[int, ...], numbers: tuple[int, ...]) -> PairProgram:
+    """The gradient of Σ w·sum in these rows and vectors of shared numbers, in which the program is linear.
+
+    The new program has the other inputs, and the rows w behind the other rows. Its sums are first one for each of
+    `rows`, then one for each entry of each of `numbers`. Each end of a pair gets half of the latter.
+    """
+    fixed = [k for k in range(program.rows) if k not in rows]
+    lengths = [n for k, n in enumerate(program.numbers) if k not in numbers]
+
+    def function(here, there, xi, omega, back, shared):
+        def of(mine, theirs, some):
+            return program(
+                _filled(program.rows, dict(zip(rows, mine, strict=True)), here[: len(fixed)]),
+                _filled(program.rows, dict(zip(rows, theirs, strict=True)), there[: len(fixed)]),
+                xi, omega, back,
+                _filled(len(program.numbers), dict(zip(numbers, some, strict=True)), shared),
+            )  # fmt: skip
+
+        zero = np.zeros(())
+        like = [zero] * len(rows), [zero] * len(rows), [[zero] * program.numbers[k] for k in numbers]
+        mine, theirs, some = jax.linear_transpose(of, *like)((here[len(fixed) :], there[len(fixed) :]))
+        halves = [0.5 * x for v in some for x in v]
+        return [*mine, *halves], [*theirs, *halves]
+
+    return PairProgram(function, len(fixed) + program.outs, lengths, program.dim)
