@@ -118,10 +118,18 @@ def _growth(xi: Float[Array, "... dim"], eta: Float[Array, "... dim"]) -> Float[
     return jnp.sum((2 * xi + eta) * eta, axis=-1) / jnp.sum(xi * xi, axis=-1)
 
 
+def growth_and_stretch(
+    xi: Float[Array, "... dim"], eta: Float[Array, "... dim"]
+) -> tuple[Float[Array, "..."], Float[Array, "..."]]:
+    """g = s² − 1 and s [-]. With them s − 1 = g/(1 + s) and (s − 1)/s = g/(1 + g + s), without cancellation."""
+    g = _growth(xi, eta)
+    return g, jnp.sqrt(1 + g)
+
+
 def stretch_minus_one(xi: Float[Array, "... dim"], eta: Float[Array, "... dim"]) -> Float[Array, "..."]:
     """s − 1 = g/(1 + √(1 + g)) [-], without cancellation at small strain and without a logarithm."""
-    g = _growth(xi, eta)
-    return g / (1 + jnp.sqrt(1 + g))
+    g, s = growth_and_stretch(xi, eta)
+    return g / (1 + s)
 
 
 def seth_hill(ell: Float[Array, "..."], m) -> Float[Array, "..."]:

@@ -42,7 +42,7 @@ from .._internal.checks import as_real, check_positive
 from ..geometry.bonds import Bonds
 from ..geometry.plane_sums import PlaneSums
 from .base import PointStateModel, Sums
-from .kinematics import stretch_minus_one
+from .kinematics import growth_and_stretch, stretch_minus_one
 from .plane import bulk_and_shear, plane_bulk_modulus
 
 
@@ -177,5 +177,5 @@ class LPS(PointStateModel):
 
     def bond_force(self, here: tuple[Array, Array], there, bond: Bonds) -> Float[Array, " dim"]:
         p, alpha = here
-        e = stretch_minus_one(bond.xi, bond.eta)
-        return bond.omega * (p + alpha * e) / (1 + e) * (bond.xi + bond.eta)
+        g, s = growth_and_stretch(bond.xi, bond.eta)
+        return bond.omega * (p * (1 + s) + alpha * g) / (1 + g + s) * (bond.xi + bond.eta)

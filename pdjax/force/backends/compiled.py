@@ -29,7 +29,7 @@ INSTALL = 'it needs the package llvmlite; install it with: pip install "pdjax[co
 class Compiled(Backend):
     """The layout of a body, together with the sums over its reference configuration."""
 
-    quick: ClassVar[bool] = True  # little is left for XLA to compile
+    quick: ClassVar[bool] = False  # little is left for XLA to compile
 
     layout: eqx.Module  # LatticePairs or CloudBonds
     reference: Array  # (entries, flat)

@@ -281,7 +281,9 @@ def _batched(eqn: Any, operands: list[Components]) -> list[Components]:
         return result if eqn.primitive.multiple_results else [result]
 
     if points is None:  # all operands are shared by the points
-        shared = [jnp.stack(list(x.reshape(-1))).reshape(x.shape) if x.ndim else jnp.asarray(x[()]) for x in given.values()]
+        shared = [
+            jnp.stack(list(x.reshape(-1))).reshape(x.shape) if x.ndim else jnp.asarray(x[()]) for x in given.values()
+        ]
         return [split(y, False) for y in alone(*(x.astype(v.aval.dtype) for v, x in zip(given, shared, strict=True)))]
     arrays = [join(x, points).astype(v.aval.dtype) for v, x in given.items()]
     return [split(y) for y in jax.vmap(alone, -1, -1)(*arrays)]

@@ -14,7 +14,8 @@ from llvmlite import ir
 
 DOUBLE, LONG, BIT = ir.DoubleType(), ir.IntType(64), ir.IntType(1)
 FAST = ("contract", "nsz")  # a product and a sum may become one instruction, and 0 needs no sign
-EXP_TERMS = 13  # of the Taylor series of exp on |x| ≤ log(2)/2, whose next term is 4e-18
+TAYLOR = [1 / math.factorial(k) for k in range(14)]  # of exp; for |x| ≤ log(2)/2 the next term is 4e-18
+SMALL = 0.06  # below it 9 terms of exp (the next is 3e-17) and 5 of artanh (7e-17) are enough
 INLINED = {"jit", "pjit", "closed_call", "core_call", "custom_jvp_call", "custom_vjp_call", "remat2", "checkpoint"}
 COMPARED = {"eq": "==", "ne": "!=", "lt": "<", "le": "<=", "gt": ">", "ge": ">="}
 
@@ -77,22 +78,75 @@ class Lanes:
             result = self.mul(result, x) if bit == "1" else result
         return result
 
+    def series(self, x: ir.Value, coefficients: list[float]) -> ir.Value:
+        """Σ c_k x^k. Two halves, in even and odd powers, are independent and run at the same time."""
+        square = self.mul(x, x)
+        halves: list[ir.Value] = []
+        for part in (coefficients[0::2], coefficients[1::2]):
+            total: ir.Value = self.constant(part[-1])
+            for c in reversed(part[:-1]):
+                total = self.add(self.mul(total, square), self.constant(c))
+            halves.append(total)
+        return self.add(self.mul(halves[1], x), halves[0])
+
+    def if_small(self, x: ir.Value, near: Callable, far: Callable) -> ir.Value:
+        """near() if |x| ≤ SMALL in every lane, else far()."""
+        b = self.builder
+        inside = b.fcmp_ordered("<=", self.call("fabs", x), self.constant(SMALL))
+        kind = self.type(BIT)
+        name = f"llvm.vector.reduce.and.v{self.width}i1"
+        all_ = b.module.globals.get(name) or ir.Function(b.module, ir.FunctionType(BIT, [kind]), name)
+        with b.if_else(b.call(all_, [inside])) as (then, otherwise):
+            with then:
+                first, first_end = near(), b.block
+            with otherwise:
+                second, second_end = far(), b.block
+        found = b.phi(first.type)
+        found.add_incoming(first, first_end)
+        found.add_incoming(second, second_end)
+        return found
+
     def exp(self, x: ir.Value) -> ir.Value:
         """exp(x) with an error of a few units in the last place; 0 below −708 and ∞ above 709."""
+        return self.if_small(x, lambda: self.series(x, TAYLOR[:9]), lambda: self._exp(x))
+
+    def _exp(self, x: ir.Value) -> ir.Value:
         b = self.builder
         n = self.call("rint", self.mul(x, self.constant(1 / math.log(2))))
         n = self.call("minnum", self.call("maxnum", n, self.constant(-1022)), self.constant(1023))
-        high = 6.93147180369123816490e-01  # log 2 with zeros in its last 32 bits, so that n · high is exact
-        r = self.sub(
-            self.sub(x, self.mul(n, self.constant(high))), self.mul(n, self.constant(1.90821492927058770002e-10))
-        )
-        series: ir.Value = self.constant(1 / math.factorial(EXP_TERMS))
-        for k in range(EXP_TERMS - 1, -1, -1):
-            series = self.add(self.mul(series, r), self.constant(1 / math.factorial(k)))
+        # log 2 in two parts. The first has zeros in its last 32 bits, so that n times it is exact.
+        r = self.sub(x, self.mul(n, self.constant(0.693147180369123816490)))
+        series = self.series(self.sub(r, self.mul(n, self.constant(1.90821492927058770002e-10))), TAYLOR)
         exponent = b.shl(b.add(b.fptosi(n, self.type(LONG)), self.constant(1023, LONG)), self.constant(52, LONG))
         found = self.mul(series, b.bitcast(exponent, self.type(DOUBLE)))
         found = b.select(b.fcmp_unordered(">", x, self.constant(709.78)), self.add(x, self.constant(math.inf)), found)
         return b.select(b.fcmp_ordered("<", x, self.constant(-708.39)), self.constant(0), found)
+
+    def log(self, x: ir.Value) -> ir.Value:
+        """log(x) = k log 2 + 2 artanh t, with x = 2^k f, f in [1/√2, √2] and t = (f − 1)/(f + 1)."""
+        b, long, double = self.builder, self.type(LONG), self.type(DOUBLE)
+        bits = b.bitcast(x, long)
+        k = b.sub(b.lshr(bits, self.constant(52, LONG)), self.constant(1023, LONG))
+        mantissa = b.and_(bits, self.constant(2**52 - 1, LONG))
+        f = b.bitcast(b.or_(mantissa, self.constant(1023 << 52, LONG)), double)
+        upper = b.fcmp_ordered(">", f, self.constant(math.sqrt(2)))
+        f = b.select(upper, self.mul(f, self.constant(0.5)), f)
+        power = self.add(b.sitofp(k, double), b.uitofp(upper, double))
+        t = b.fdiv(self.sub(f, self.constant(1)), self.add(f, self.constant(1)), flags=FAST)
+        series = self.mul(t, self.series(self.mul(t, t), [2 / (2 * n + 1) for n in range(12)]))
+        found = self.add(self.mul(power, self.constant(math.log(2))), series)
+        found = b.select(b.fcmp_ordered("<", x, self.constant(math.inf)), found, x)  # ∞ and NaN
+        found = b.select(b.fcmp_ordered("<", x, self.constant(0)), self.constant(math.nan), found)
+        return b.select(b.fcmp_ordered("==", x, self.constant(0)), self.constant(-math.inf), found)
+
+    def log1p(self, x: ir.Value, far: Callable) -> ir.Value:
+        """log(1 + x) = 2 artanh t with t = x/(2 + x), or far() if |x| is not small."""
+
+        def near():
+            t = self.builder.fdiv(x, self.add(x, self.constant(2)), flags=FAST)
+            return self.mul(t, self.series(self.mul(t, t), [2 / (2 * k + 1) for k in range(5)]))
+
+        return self.if_small(x, near, far)
 
 
 def _compare(name: str) -> Callable:
@@ -132,6 +186,8 @@ INSTRUCTIONS: dict[str, Callable] = {
     "max": lambda v, a, b, **_: v.call("maximum", a, b),
     "min": lambda v, a, b, **_: v.call("minimum", a, b),
     "exp": lambda v, a, **_: v.exp(a),
+    "log": lambda v, a, **_: v.log(a),
+    "pow": lambda v, a, b, **_: v.exp(v.mul(b, v.log(a))),
     "square": lambda v, a, **_: v.mul(a, a),
     "integer_pow": lambda v, a, y, **_: v.power(a, y),
     "select_n": lambda v, *cases, **_: _select(v, *cases),
@@ -154,23 +210,101 @@ def _inner(eqn: core.JaxprEqn) -> core.ClosedJaxpr | None:
     return inner if isinstance(inner, core.ClosedJaxpr) else core.ClosedJaxpr(inner, ())
 
 
-def vectorised(lanes: Lanes, program: core.ClosedJaxpr, operands: list[ir.Value]) -> list[ir.Value]:
-    """The results of a scalar program for operands that hold one scalar in each lane."""
-    known = dict(zip(program.jaxpr.invars, operands, strict=True))
-    for v, value in zip(program.jaxpr.constvars, program.consts, strict=True):
-        known[v] = lanes.constant(np.asarray(value)[()], _kind(np.asarray(value).dtype))
+def _is_log1p(eqn: core.JaxprEqn) -> bool:
+    """Whether this is a call of `models.kinematics.log1p`, whose derivative is defined apart."""
+    return eqn.primitive.name == "custom_jvp_call" and eqn.params["call_jaxpr"].jaxpr.debug_info.func_name == "log1p"
 
-    def read(v):
-        return lanes.constant(v.val, _kind(v.aval.dtype)) if isinstance(v, core.Literal) else known[v]
 
-    for eqn in program.jaxpr.eqns:
-        given, name = [read(v) for v in eqn.invars], eqn.primitive.name
+def _read(lanes: Lanes, known: dict, v: core.Var | core.Literal) -> ir.Value:
+    return lanes.constant(v.val, _kind(v.aval.dtype)) if isinstance(v, core.Literal) else known[v]
+
+
+def _run(lanes: Lanes, eqns: list[core.JaxprEqn], known: dict, reciprocals: dict | None = None) -> None:
+    """Add the results of these operations to the values of the variables in `known`.
+
+    `reciprocals` holds the reciprocals of some divisors.
+    """
+    reciprocals = reciprocals or {}
+    for eqn in eqns:
+        given, name = [_read(lanes, known, v) for v in eqn.invars], eqn.primitive.name
         inner = _inner(eqn)
-        if inner is not None:
+        if inner is not None and _is_log1p(eqn):
+            results = [lanes.log1p(given[0], lambda inner=inner, given=given: vectorised(lanes, inner, given)[0])]
+        elif inner is not None:
             results = vectorised(lanes, inner, given)
+        elif name == "div" and not isinstance(eqn.invars[1], core.Literal) and eqn.invars[1] in reciprocals:
+            results = [lanes.mul(given[0], reciprocals[eqn.invars[1]])]
         elif name in INSTRUCTIONS and all(v.aval.shape == () for v in (*eqn.invars, *eqn.outvars)):
             results = [INSTRUCTIONS[name](lanes, *given, **eqn.params)]
         else:
             raise NotVectorised(f"the operation {name}")
         known.update(zip(eqn.outvars, results, strict=True))
-    return [read(v) for v in program.jaxpr.outvars]
+
+
+def _start(lanes: Lanes, program: core.ClosedJaxpr, operands: list[ir.Value]) -> dict:
+    known = dict(zip(program.jaxpr.invars, operands, strict=True))
+    for v, value in zip(program.jaxpr.constvars, program.consts, strict=True):
+        known[v] = lanes.constant(np.asarray(value)[()], _kind(np.asarray(value).dtype))
+    return known
+
+
+def vectorised(lanes: Lanes, program: core.ClosedJaxpr, operands: list[ir.Value]) -> list[ir.Value]:
+    """The results of a scalar program for operands that hold one scalar in each lane."""
+    known = _start(lanes, program, operands)
+    _run(lanes, program.jaxpr.eqns, known)
+    return [_read(lanes, known, v) for v in program.jaxpr.outvars]
+
+
+class Parted:
+    """A scalar program in two parts: what depends on some of its operands alone, and the rest.
+
+    `first` gives the `count` results of the first part that the second part reads, and `second` the results of the
+    program. What no result needs is left out.
+    """
+
+    def __init__(self, program: core.ClosedJaxpr, early: list[bool]):
+        jaxpr = self.jaxpr = program.jaxpr
+        self.program, self.early = program, early
+        needed = {v for v in jaxpr.outvars if not isinstance(v, core.Literal)}
+        live = []
+        for eqn in reversed(jaxpr.eqns):
+            if any(v in needed for v in eqn.outvars):
+                live.append(eqn)
+                needed.update(v for v in eqn.invars if not isinstance(v, core.Literal))
+        known = {v for v, e in zip(jaxpr.invars, early, strict=True) if e} | set(jaxpr.constvars)
+        self.parts: tuple[list, list] = [], []
+        for eqn in reversed(live):
+            is_early = all(isinstance(v, core.Literal) or v in known for v in eqn.invars)
+            self.parts[0 if is_early else 1].append(eqn)
+            known.update(eqn.outvars if is_early else ())
+        read = [v for eqn in self.parts[1] for v in eqn.invars] + list(jaxpr.outvars)
+        self.between = [v for v in dict.fromkeys(v for v in read if not isinstance(v, core.Literal)) if v in known]
+        # A division by an early number becomes a product with its reciprocal.
+        divisors = [eqn.invars[1] for eqn in self.parts[1] if eqn.primitive.name == "div"]
+        self.divisors = list(dict.fromkeys(v for v in divisors if not isinstance(v, core.Literal) and v in known))
+        self.count = len(self.between) + len(self.divisors)
+
+    def first(self, lanes: Lanes, operands: list[ir.Value]) -> list[ir.Value]:
+        """The results of the first part for all operands; those of the second part are not read."""
+        known = _start(lanes, self.program, operands)
+        _run(lanes, self.parts[0], known)
+        one = lanes.constant(1.0)
+        return [known[v] for v in self.between] + [lanes.builder.fdiv(one, known[v]) for v in self.divisors]
+
+    def second(self, lanes: Lanes, operands: list[ir.Value], between: list[ir.Value]) -> list[ir.Value]:
+        """The results of the program for all operands; those of the first part are not read."""
+        n = len(self.between)
+        known = {**_start(lanes, self.program, operands), **dict(zip(self.between, between[:n], strict=True))}
+        _run(lanes, self.parts[1], known, dict(zip(self.divisors, between[n:], strict=True)))
+        return [_read(lanes, known, v) for v in self.jaxpr.outvars]
+
+
+def unserved(program: core.ClosedJaxpr) -> str | None:
+    """The first operation of a scalar program that has no vector instruction, or None."""
+    function = ir.Function(ir.Module(), ir.FunctionType(ir.VoidType(), []), "trial")
+    lanes = Lanes(ir.IRBuilder(function.append_basic_block()), 2)
+    try:
+        vectorised(lanes, program, [lanes.constant(1.0)] * len(program.jaxpr.invars))
+    except NotVectorised as error:
+        return str(error)
+    return None

@@ -13,7 +13,7 @@ import jaxlib
 from llvmlite import ir
 
 from .emit import LONG
-from .loops import BUFFERS, INT, POINTER, VOID
+from .loops import BUFFERS, INT, POINTER, VOID, declared
 
 HEADER = Path(jaxlib.__file__).parent / "include" / "xla" / "ffi" / "api" / "c_api.h"
 EXTENSION, API, CONTEXT, STAGE = 8, 16, 24, 32
@@ -59,7 +59,7 @@ def add_handler(module: ir.Module, item: ir.Function, phases: int, sizes: int) -
             b.ret(null)
     with b.if_then(b.icmp_unsigned("!=", read(frame, STAGE, INT), INT(EXECUTE))):
         b.ret(null)
-    malloc = ir.Function(module, ir.FunctionType(POINTER, [LONG]), "malloc")
+    malloc = declared(module, "malloc", POINTER, [LONG])
     given, wanted = read(frame, COUNT_OF_ARGUMENTS), read(frame, COUNT_OF_RESULTS)
     bytes_ = b.mul(b.add(b.add(given, wanted), LONG(BUFFERS)), LONG(8))
     memory = b.call(malloc, [bytes_])
@@ -139,7 +139,7 @@ def add_handler(module: ir.Module, item: ir.Function, phases: int, sizes: int) -
 
 def _wait(b: ir.IRBuilder, function: ir.Function, counter: ir.Value, least: ir.Value) -> None:
     """Wait until a counter has reached a number."""
-    sched_yield = b.module.globals.get("sched_yield") or ir.Function(b.module, ir.FunctionType(INT, []), "sched_yield")
+    sched_yield = declared(b.module, "sched_yield", INT, [])
     head, inside, after = (function.append_basic_block() for _ in range(3))
     b.branch(head)
     b.position_at_end(head)
@@ -153,7 +153,7 @@ def _wait(b: ir.IRBuilder, function: ir.Function, counter: ir.Value, least: ir.V
 
 def _release(b: ir.IRBuilder, work: ir.Value, memory: ir.Value) -> None:
     """Give the words back; the last user frees them."""
-    free = b.module.globals.get("free") or ir.Function(b.module, ir.FunctionType(VOID, [POINTER]), "free")
+    free = declared(b.module, "free", VOID, [POINTER])
     users = b.atomic_rmw("sub", work, LONG(1), "seq_cst")
     with b.if_then(b.icmp_signed("==", users, LONG(1))):
         b.call(free, [memory])

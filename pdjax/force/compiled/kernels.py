@@ -1,4 +1,4 @@
-"""The two loops over the bonds of a body, as LLVM modules made for a pair program.
+"""The loops over the bonds and the points of a body, as LLVM modules made for a pair program.
 
 A module defines `item(work, phase, k)`, which treats one part of the body, and the functions of `handler`, which call
 it. One vector holds neighbouring points; the loop over their bonds is inside, so that the numbers of these points and
@@ -13,6 +13,8 @@ their sums stay in registers.
                 Operands: neighbours (bonds,), ξ (dim, bonds), ω (bonds,), ω of the reverse bonds (bonds,), the first
                 bond of every group of points, sizes
 
+    "points"    No bond: a function of the numbers of one point, at every point. Operand: sizes
+
 The results have as many numbers as the rows of the points.
 """
 
@@ -20,7 +22,7 @@ from collections.abc import Callable
 
 from llvmlite import ir
 
-from .emit import DOUBLE, LONG, vectorised
+from .emit import DOUBLE, LONG, Parted, vectorised
 from .handler import add_handler
 from .loops import INT, VOID, Loops
 from .machine import target
@@ -52,10 +54,24 @@ def lattice(program: PairProgram) -> ir.Module:
     """All pairs of a lattice, each once."""
     kinds = [DOUBLE, DOUBLE, DOUBLE, LONG, LONG]
     module, item, f, rows, numbers, (filled, xi, omega, shifts, sizes), sums = _started(program, kinds)
-    work, phase, k = item.args
+    _, phase, k = item.args
     b, lanes, zero = f.builder, f.lanes, f.lanes.constant(0.0)
     cells, part, items, offsets, flat = (f.number(sizes, i) for i in range(5))
     shared = [f.spread(f.number(v, i)) for v, n in zip(numbers, program.numbers, strict=True) for i in range(n)]
+    dim, blank = program.dim, [zero] * len(rows)
+    # What depends on the offset alone is computed once for each offset: `count` numbers a row of the table.
+    parted = Parted(program.jaxpr, [False] * 2 * len(rows) + [True] * (dim + 2 + len(shared)))
+    count = LONG(parted.count)
+    table = f.memory(b.mul(offsets, count))
+
+    def tabulate(h, _):
+        bond = [f.spread(f.number(xi, b.add(b.mul(h, LONG(dim)), LONG(d)))) for d in range(dim)]
+        weight = f.spread(f.number(omega, h))
+        for n, x in enumerate(parted.first(lanes, [*blank, *blank, *bond, weight, weight, *shared])):
+            b.store(b.extract_element(x, INT(0)), b.gep(table, [b.add(b.mul(h, count), LONG(n))]))
+        return []
+
+    f.loop(LONG(0), offsets, 1, [], tabulate)
 
     def pairs(i, _):
         here, real = [f.vector(row, i) for row in rows], f.vector(filled, i)
@@ -64,9 +80,8 @@ def lattice(program: PairProgram) -> ir.Module:
             j = b.add(i, f.number(shifts, h))
             there = [f.vector(row, j) for row in rows]
             both = b.fcmp_ordered(">", lanes.mul(real, f.vector(filled, j)), zero)
-            bond = [f.spread(f.number(xi, b.add(b.mul(h, LONG(program.dim)), LONG(d)))) for d in range(program.dim)]
-            weight = f.spread(f.number(omega, h))
-            found = vectorised(lanes, program.jaxpr, [*here, *there, *bond, weight, weight, *shared])
+            known = [f.spread(f.number(table, b.add(b.mul(h, count), LONG(n)))) for n in range(parted.count)]
+            found = parted.second(lanes, [*here, *there, *[zero] * (dim + 2), *shared], known)
             found = [b.select(both, x, zero) for x in found]  # an empty cell has no bond, whatever the program gives
             for row, x in zip(sums, found[program.outs :], strict=True):
                 f.store(lanes.add(f.vector(row, j), x), row, j)
@@ -93,6 +108,7 @@ def lattice(program: PairProgram) -> ir.Module:
         with then:
             mine = b.sub(b.add(first, phase), LONG(1))
             f.loop(from_part(mine), from_part(b.add(mine, LONG(1))), f.width, [], pairs)
+    f.release(table)
     b.ret_void()
     return _finished(module, item, 3, len(rows) + len(numbers) + len(kinds))
 
@@ -101,7 +117,7 @@ def cloud(program: PairProgram) -> ir.Module:
     """All bonds of a cloud, from both ends."""
     kinds = [INT, DOUBLE, DOUBLE, DOUBLE, LONG, LONG]
     module, item, f, rows, numbers, (neighbours, xi, omega, back, firsts, sizes), sums = _started(program, kinds)
-    work, _, k = item.args
+    k = item.args[2]
     b, lanes, zero = f.builder, f.lanes, f.lanes.constant(0.0)
     groups, part, bonds = (f.number(sizes, i) for i in (0, 1, 3))
     shared = [f.spread(f.number(v, i)) for v, n in zip(numbers, program.numbers, strict=True) for i in range(n)]
@@ -131,4 +147,25 @@ def cloud(program: PairProgram) -> ir.Module:
     return _finished(module, item, 1, len(rows) + len(numbers) + len(kinds))
 
 
-KERNELS: dict[str, Callable[[PairProgram], ir.Module]] = {"lattice": lattice, "cloud": cloud}
+def points(program: PairProgram) -> ir.Module:
+    """Every point alone: the program sees the point at both ends, and the sum is (near + far)."""
+    kinds = [LONG]
+    module, item, f, rows, numbers, (sizes,), sums = _started(program, kinds)
+    b, nothing = f.builder, f.lanes.constant(0.0)
+    flat, part = (f.number(sizes, i) for i in (0, 1))
+    shared = [f.spread(f.number(v, i)) for v, n in zip(numbers, program.numbers, strict=True) for i in range(n)]
+
+    def vector(i, _):
+        here = [f.vector(row, i) for row in rows]
+        found = vectorised(f.lanes, program.jaxpr, [*here, *here, *[nothing] * (program.dim + 2), *shared])
+        for row, x, y in zip(sums, found[: program.outs], found[program.outs :], strict=True):
+            f.store(f.lanes.add(x, y), row, i)
+        return []
+
+    start = b.mul(item.args[2], part)
+    f.loop(f.least(start, flat), f.least(b.add(start, part), flat), f.width, [], vector)
+    b.ret_void()
+    return _finished(module, item, 1, len(rows) + len(numbers) + len(kinds))
+
+
+KERNELS: dict[str, Callable[[PairProgram], ir.Module]] = {"lattice": lattice, "cloud": cloud, "points": points}

@@ -25,6 +25,12 @@ def _up(x: int, step: int) -> int:
     return -(-x // step) * step
 
 
+def _each(flat: int) -> np.ndarray:
+    """The operand of the loop over points."""
+    part = POINTS * target()[1]
+    return np.array([flat, part, -(-flat // part)], np.int64)
+
+
 class LatticePairs(eqx.Module):
     """A lattice, whose pairs are listed once: an offset and its opposite are one."""
 
@@ -37,6 +43,7 @@ class LatticePairs(eqx.Module):
     omega: Float[Array, " offsets"]
     shifts: Int[Array, " offsets"]
     sizes: Int[Array, "5"]  # cells, cells of a part, parts of a phase, offsets, numbers of a row
+    each: Int[Array, "3"]  # numbers of a row, numbers of a part, parts
 
     @staticmethod
     def of(families: Families) -> "LatticePairs":
@@ -53,7 +60,7 @@ class LatticePairs(eqx.Module):
         row = _up(cells + reach + width, width)
         sizes = np.array([cells, part, parts // 2, half.sum(), row], np.int64)
         arrays = np.pad(known.filled, (0, row - known.flat)), known.xi[half], known.omega[half]
-        return LatticePairs(traversal, *on_device((*arrays, known.shifts[half].astype(np.int64), sizes)))
+        return LatticePairs(traversal, *on_device((*arrays, known.shifts[half].astype(np.int64), sizes, _each(row))))
 
     @property
     def volumes(self) -> Array:
@@ -108,6 +115,7 @@ class CloudBonds(eqx.Module):
     back: Float[Array, " bonds"]  # ω of the reverse bonds
     firsts: Int[Array, " groups"]
     sizes: Int[Array, "4"]  # vectors of points, vectors of a part, parts, bonds
+    each: Int[Array, "3"]  # places, places of a part, parts
     symmetric: bool = eqx.field(static=True)  # whether every bond has the same ω seen from both ends
 
     @staticmethod
@@ -139,7 +147,16 @@ class CloudBonds(eqx.Module):
         lists = f.xi[point, s].T, np.where(there, omega[point, s], 0), np.where(there, back[point, s], 0)
         part = max(1, POINTS // width)
         sizes = np.array([groups, part, -(-groups // part), firsts[-1]], np.int64)
-        arrays = padded.astype(np.int32), place, f.volumes[padded], neighbours, *lists, firsts.astype(np.int64), sizes
+        arrays = (
+            padded.astype(np.int32),
+            place,
+            f.volumes[padded],
+            neighbours,
+            *lists,
+            firsts.astype(np.int64),
+            sizes,
+            _each(len(padded)),
+        )
         return CloudBonds(*on_device(tuple(map(np.ascontiguousarray, arrays))), symmetric=bool((omega == back).all()))
 
     @property

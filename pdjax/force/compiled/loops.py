@@ -11,6 +11,11 @@ POINTER = ir.PointerType(BYTE)
 BUFFERS = 5  # the first word of `work` that holds an address; see `handler`
 
 
+def declared(module: ir.Module, name: str, result: ir.Type, arguments: list[ir.Type]) -> ir.Function:
+    """A function of the C library."""
+    return module.globals.get(name) or ir.Function(module, ir.FunctionType(result, arguments), name)
+
+
 class Loops:
     """A function that treats vectors of `width` numbers."""
 
@@ -54,6 +59,16 @@ class Loops:
         for k, place in enumerate(places):
             out = self.builder.insert_element(out, self.number(array, place), INT(k))
         return out
+
+    def memory(self, count: ir.Value) -> ir.Value:
+        """Memory for numbers, to be given back by `release`."""
+        malloc = declared(self.builder.module, "malloc", POINTER, [LONG])
+        return self.builder.bitcast(self.builder.call(malloc, [self.builder.mul(count, LONG(8))]), DOUBLE.as_pointer())
+
+    def release(self, memory: ir.Value) -> None:
+        """Give memory back."""
+        free = declared(self.builder.module, "free", VOID, [POINTER])
+        self.builder.call(free, [self.builder.bitcast(memory, POINTER)])
 
     def loop(self, start: ir.Value, end: ir.Value, step: int, carried: list, body: Callable) -> list:
         """Repeat `carried = body(index, carried)` for every index from `start` to below `end`."""

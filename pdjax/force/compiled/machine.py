@@ -19,7 +19,7 @@ def target() -> tuple[binding.TargetMachine, int]:
     machine = binding.Target.from_default_triple().create_target_machine(
         cpu=binding.get_host_cpu_name(), features=features.flatten(), opt=3, jit=True
     )
-    return machine, 8 if features.get("avx512f") else 4 if features.get("avx2") else 2
+    return machine, 16 if features.get("avx512f") else 4 if features.get("avx2") else 2
 
 
 def _address(name: str, text: str) -> int:

@@ -19,10 +19,11 @@ from jax.typing import DTypeLike
 from jaxtyping import Array, Float
 
 from ...geometry.bonds import Bonds
-from ...models.base import AbstractModel
+from ...models.base import AbstractModel, Sums
 from ...models.pointwise import split_model
 from ..backends.components import by_components, entries, one_entry, trees
 from ..backends.point_states import Varying, bonds_of_rest, sizes_of_moments, states, with_rest
+from .emit import unserved
 from .layouts import CloudBonds, LatticePairs
 from .pair_sum import pair_sum
 from .pairs import PairProgram, Scalars
@@ -74,23 +75,28 @@ class ModelPairs:
         shared = eqx.combine(jax.tree.unflatten(self.structure, constants), self.rest)
         return eqx.combine(jax.tree.unflatten(self.varying.structure, leaves), shared)
 
+    def _constants(self, shared: list, own: list) -> tuple[list, list]:
+        """The constants of the model as components: those of all points, and those of one point."""
+        common = [trees(None, [s], x) for s, x in zip(self.shapes, _parts(shared, self.shapes), strict=True)]
+        shapes = self.varying.shapes
+        return common, [trees(None, [s], x) for s, x in zip(shapes, _parts(own, shapes), strict=True)]
+
     def _ends(self, near: Scalars, far: Scalars, xi: Scalars, omega, back, shared: list[Scalars]) -> tuple:
         """For both ends: the constants of the model and the bond. `near` and `far` begin with u."""
         dim, body = self.dim, list(shared[1])
         eta = [b - a for a, b in zip(near[:dim], far[:dim], strict=True)]
         if len(shared) == 3:
             eta = [e + sum(shared[2][k * dim + l] * xi[l] for l in range(dim)) for k, e in enumerate(eta)]
-        common = [trees(None, [s], x) for s, x in zip(self.shapes, _parts(shared[0], self.shapes), strict=True)]
         ends = []
         for here, there, turned, w in ((near, far, False, omega), (far, near, True, back)):
             own, other = (x[len(x) - len(self.rows) :] for x in (here, there))
             count = sum(len(x) for x in self.varying.rows)
-            shapes = self.varying.shapes
-            leaves = [trees(None, [s], x) for s, x in zip(shapes, _parts(own[:count], shapes), strict=True)]
             volume = other[count] if isinstance(self.layout, CloudBonds) else body[0]
             horizon = own[-1] if self.horizon.ndim else body[-1]
             vectors = (trees(None, [(dim,)], [-x for x in v] if turned else v) for v in (xi, eta))
-            ends.append(((common, leaves), Bonds(*vectors, *map(one_entry, (w, volume, horizon)))))
+            ends.append(
+                (self._constants(shared[0], own[:count]), Bonds(*vectors, *map(one_entry, (w, volume, horizon))))
+            )
         return tuple(ends)
 
     def _sum(self, function: Callable, rows: list[Array]) -> list[Array]:
@@ -129,20 +135,46 @@ class ModelPairs:
         full = Bonds(t.xi, jnp.zeros_like(t.xi), t.omega, jnp.full(len(t.xi), t.cell), self.horizon)
         return with_rest(self.single, sums, layout.filled <= 0, full)
 
+    def states(self, reference: Array, deformed: Array) -> tuple:
+        """The point states from both sums: structure, shapes, and one row for each entry."""
+        dim, layout = self.dim, self.layout
+        kinds = [sizes_of_moments(self.single, k, dim, self.dtype) for k in (0, 1)]
+        constants = [row for x in self.varying.rows for row in x]
+        own = [*reference, *deformed, *constants, *([self.horizon] if self.horizon.ndim else [])]
+        a, b = len(reference), len(reference) + len(deformed)
+        kind: list = []
+
+        def of(model, reference, deformed, horizon):
+            return self._model(*model).state(Sums(reference, deformed, horizon, dim))
+
+        def function(here, there, xi, omega, back, shared):
+            model = self._constants(shared[0], here[b : b + len(constants)])
+            horizon = one_entry(here[-1] if self.horizon.ndim else shared[1][-1])
+            sums = (trees(*k, x) for k, x in zip(kinds, (here[:a], here[a:b]), strict=True))
+            state = by_components(of, self.dtype)(model, *sums, horizon)
+            kind[:] = jax.tree.structure(state), [x.shape for x in jax.tree.leaves(state)]
+            found = [jnp.asarray(x, self.dtype) for x in entries(state)]
+            return found, [jnp.zeros((), self.dtype)] * len(found)
+
+        program = PairProgram(function, len(own), [x.shape[0] for x in self.numbers], dim)
+        if unserved(program.jaxpr):  # XLA has all operations, but needs longer to compile and to compute
+            return states(
+                self.single,
+                self.varying.model,
+                self.varying.components(),
+                dim,
+                self.dtype,
+                (reference, deformed),
+                self.horizon,
+            )
+        return *kind, pair_sum(program, "points", (layout.each,), own, self.numbers) if program.outs else []
+
     def force(self, reference: Array, u: Float[Array, "points dim"]) -> Float[Array, "points dim"]:
         """f of every point."""
         layout, dim = self.layout, self.dim
         U = list(layout.embed(u.astype(self.dtype)))
         deformed = self.moments(1, U)
-        structure, shapes, rows = states(
-            self.single,
-            self.varying.model,
-            self.varying.components(),
-            dim,
-            self.dtype,
-            (reference, deformed),
-            self.horizon,
-        )
+        structure, shapes, rows = self.states(reference, deformed)
         rows = layout.renew(rows)
 
         def of(constants, here, there, bond):
