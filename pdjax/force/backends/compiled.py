@@ -32,7 +32,7 @@ class Compiled(Backend):
     quick: ClassVar[bool] = False  # little is left for XLA to compile
 
     layout: eqx.Module  # LatticePairs or CloudBonds
-    reference: Array  # (entries, flat)
+    reference: list[Array]  # rows (flat,)
     horizon: Array
 
     def force(self, model: AbstractModel, u: Float[Array, "points dim"], F: Array | None) -> Float[Array, "points dim"]:
@@ -76,7 +76,7 @@ def refusal(model: AbstractModel, families: Families) -> str | None:
 
 
 @eqx.filter_jit
-def _reference(model: AbstractModel, layout: eqx.Module, horizon: Array, points: int) -> Array:
+def _reference(model: AbstractModel, layout: eqx.Module, horizon: Array, points: int) -> list[Array]:
     from ..compiled.model_pairs import ModelPairs
 
     return ModelPairs(model, points, layout, horizon, None).reference()

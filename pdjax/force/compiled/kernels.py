@@ -56,7 +56,7 @@ def lattice(program: PairProgram) -> ir.Module:
     module, item, f, rows, numbers, (filled, xi, omega, shifts, sizes), sums = _started(program, kinds)
     _, phase, k = item.args
     b, lanes, zero = f.builder, f.lanes, f.lanes.constant(0.0)
-    cells, part, items, offsets, flat = (f.number(sizes, i) for i in range(5))
+    cells, part, items, offsets, flat, plane, strip = (f.number(sizes, i) for i in range(7))
     shared = [f.spread(f.number(v, i)) for v, n in zip(numbers, program.numbers, strict=True) for i in range(n)]
     dim, blank = program.dim, [zero] * len(rows)
     # What depends on the offset alone is computed once for each offset: `count` numbers a row of the table.
@@ -73,8 +73,9 @@ def lattice(program: PairProgram) -> ir.Module:
 
     f.loop(LONG(0), offsets, 1, [], tabulate)
 
-    def pairs(i, _):
-        here, real = [f.vector(row, i) for row in rows], f.vector(filled, i)
+    def pairs(i, end):
+        here = [f.vector(row, i) for row in rows]
+        real = b.select(f.below(i, end), f.vector(filled, i), zero)
 
         def offset(h, mine):
             j = b.add(i, f.number(shifts, h))
@@ -97,17 +98,31 @@ def lattice(program: PairProgram) -> ir.Module:
             f.store(zero, row, i)
         return []
 
-    def from_part(number):
-        return f.least(b.mul(number, part), cells)
+    def run(start, end):
+        f.loop(start, end, f.width, [], lambda i, _: pairs(i, end))
 
-    first = b.shl(k, LONG(1))
+    def strips(part_start, part_end):
+        """The same strip of all planes, then the next one: neighbours in the next planes stay in the cache."""
+
+        def of(t, _):
+            def of_plane(x, _):
+                run(b.add(x, t), f.least(f.least(b.add(b.add(x, t), strip), b.add(x, plane)), part_end))
+                return []
+
+            return f.loop(part_start, part_end, plane, [], of_plane)
+
+        f.loop(LONG(0), plane, strip, [], of)
+
     with b.if_else(b.icmp_signed("==", phase, LONG(0))) as (at_first, then):
         with at_first:
-            is_last = b.icmp_signed("==", b.add(k, LONG(1)), items)
-            f.loop(from_part(first), b.select(is_last, flat, from_part(b.add(first, LONG(2)))), f.width, [], clear)
+            share = b.mul(
+                b.sdiv(b.add(flat, b.sub(b.mul(items, LONG(f.width)), LONG(1))), b.mul(items, LONG(f.width))),
+                LONG(f.width),
+            )
+            f.loop(f.least(b.mul(k, share), flat), f.least(b.mul(b.add(k, LONG(1)), share), flat), f.width, [], clear)
         with then:
-            mine = b.sub(b.add(first, phase), LONG(1))
-            f.loop(from_part(mine), from_part(b.add(mine, LONG(1))), f.width, [], pairs)
+            start = b.mul(b.sub(b.add(b.shl(k, LONG(1)), phase), LONG(1)), part)
+            strips(f.least(start, cells), f.least(b.add(start, part), cells))
     f.release(table)
     b.ret_void()
     return _finished(module, item, 3, len(rows) + len(numbers) + len(kinds))

@@ -18,6 +18,7 @@ from ..backends.traversal import LatticeTraversal
 from .machine import target
 
 PARTS = 64  # parts of a lattice; more would not balance the work of the threads any better
+STRIP = 1024  # cells of a plane that are treated before the same cells of the next plane
 POINTS = 512  # points of one part of a cloud
 
 
@@ -42,7 +43,9 @@ class LatticePairs(eqx.Module):
     xi: Float[Array, "offsets dim"]
     omega: Float[Array, " offsets"]
     shifts: Int[Array, " offsets"]
-    sizes: Int[Array, "5"]  # cells, cells of a part, parts of a phase, offsets, numbers of a row
+    sizes: Int[
+        Array, "7"
+    ]  # cells, cells of a part, parts of a phase, offsets, numbers of a row, cells of a plane and of a strip
     each: Int[Array, "3"]  # numbers of a row, numbers of a part, parts
 
     @staticmethod
@@ -52,13 +55,17 @@ class LatticePairs(eqx.Module):
         known, (_, width) = on_host(traversal), target()
         half = known.shifts > 0
         reach = int(known.shifts.max(initial=0))
-        cells = _up(known.flat, width)
+        cells, plane = known.flat, known.flat // (known.cells[0] + known.before[0] + known.behind[0])
+        plane = plane if plane > STRIP else cells  # small planes stay in the cache as they are
         # A part adds to the sums of the next part, but never to those of the one after it.
-        parts = max(2, min(PARTS, cells // _up(reach + width, width)))
+        least = reach + width
+        part = _up(least, plane) if plane < cells else least
+        parts = max(2, min(PARTS, cells // part))
         parts -= parts % 4 if parts > 4 else parts % 2
-        part = _up(-(-cells // parts), width)
+        part = _up(-(-cells // parts), plane if plane < cells else width)
+        part = max(part, least)
         row = _up(cells + reach + width, width)
-        sizes = np.array([cells, part, parts // 2, half.sum(), row], np.int64)
+        sizes = np.array([cells, part, parts // 2, half.sum(), row, plane, STRIP if plane < cells else plane], np.int64)
         arrays = np.pad(known.filled, (0, row - known.flat)), known.xi[half], known.omega[half]
         return LatticePairs(traversal, *on_device((*arrays, known.shifts[half].astype(np.int64), sizes, _each(row))))
 

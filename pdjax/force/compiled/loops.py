@@ -53,6 +53,11 @@ class Loops:
         first = b.insert_element(nothing, number, INT(0))
         return b.shuffle_vector(first, nothing, ir.Constant(ir.VectorType(INT, self.width), [INT(0)] * self.width))
 
+    def below(self, index: ir.Value, end: ir.Value) -> ir.Value:
+        """In which lanes index + lane is below `end`."""
+        lanes = ir.Constant(self.lanes.type(LONG), [LONG(k) for k in range(self.width)])
+        return self.builder.icmp_signed("<", lanes, self.spread(self.builder.sub(end, index)))
+
     def gathered(self, array: ir.Value, places: list[ir.Value]) -> ir.Value:
         """The numbers of an array at one place for each lane."""
         out: ir.Value = ir.Constant(self.lanes.type(array.type.pointee), ir.Undefined)
@@ -70,7 +75,7 @@ class Loops:
         free = declared(self.builder.module, "free", VOID, [POINTER])
         self.builder.call(free, [self.builder.bitcast(memory, POINTER)])
 
-    def loop(self, start: ir.Value, end: ir.Value, step: int, carried: list, body: Callable) -> list:
+    def loop(self, start: ir.Value, end: ir.Value, step: ir.Value | int, carried: list, body: Callable) -> list:
         """Repeat `carried = body(index, carried)` for every index from `start` to below `end`."""
         b, before = self.builder, self.builder.block
         head, inside, after = (self.function.append_basic_block() for _ in range(3))
@@ -80,7 +85,7 @@ class Loops:
         b.cbranch(b.icmp_signed("<", index, end), inside, after)
         b.position_at_end(inside)
         new = body(index, values)
-        following = b.add(index, LONG(step))
+        following = b.add(index, LONG(step) if isinstance(step, int) else step)
         for v, x, y in zip([index, *values], [start, *carried], [following, *new], strict=True):
             v.add_incoming(x, before)
             v.add_incoming(y, b.block)

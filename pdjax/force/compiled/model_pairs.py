@@ -105,10 +105,10 @@ class ModelPairs:
         program = PairProgram(function, len(rows), lengths, self.dim)
         return pair_sum(program, self.layout.kind, self.layout.geometry, rows, self.numbers)
 
-    def moments(self, which: int, u: list[Array]) -> Float[Array, "entries flat"]:
+    def moments(self, which: int, u: list[Array]) -> list[Array]:
         """The sums of the reference moments (`which` = 0) or the deformed moments (1) over every family."""
         if not any(np.prod(s, dtype=int) for s in sizes_of_moments(self.single, which, self.dim, self.dtype)[1]):
-            return jnp.zeros((0, self.layout.volumes.shape[0]), self.dtype)
+            return []
 
         def of(constants, bond):
             return self._model(*constants).moments(bond)[which]
@@ -120,22 +120,23 @@ class ModelPairs:
                 by_components(of, self.dtype)(*far)
             )
 
-        return jnp.stack(self._sum(function, u))
+        return self._sum(function, u)
 
-    def reference(self) -> Float[Array, "entries flat"]:
+    def reference(self) -> list[Array]:
         """The sums of the reference moments. Points without bonds have those of some family, so that no model divides
         by 0 or inverts a singular tensor."""
         layout = self.layout
         sums = self.moments(0, list(jnp.zeros((self.dim, layout.volumes.shape[0]), self.dtype)))
+        if not sums:
+            return []
         if isinstance(layout, CloudBonds):
-            return with_rest(
-                self.single, sums, jnp.all(sums == 0, axis=0), bonds_of_rest(self.dim, self.horizon, self.dtype)
-            )
-        t = layout.traversal
-        full = Bonds(t.xi, jnp.zeros_like(t.xi), t.omega, jnp.full(len(t.xi), t.cell), self.horizon)
-        return with_rest(self.single, sums, layout.filled <= 0, full)
+            rest, empty = bonds_of_rest(self.dim, self.horizon, self.dtype), jnp.all(jnp.stack(sums) == 0, axis=0)
+        else:
+            t, empty = layout.traversal, layout.filled <= 0
+            rest = Bonds(t.xi, jnp.zeros_like(t.xi), t.omega, jnp.full(len(t.xi), t.cell), self.horizon)
+        return list(with_rest(self.single, jnp.stack(sums), empty, rest))
 
-    def states(self, reference: Array, deformed: Array) -> tuple:
+    def states(self, reference: list[Array], deformed: list[Array]) -> tuple:
         """The point states from both sums: structure, shapes, and one row for each entry."""
         dim, layout = self.dim, self.layout
         kinds = [sizes_of_moments(self.single, k, dim, self.dtype) for k in (0, 1)]
@@ -158,18 +159,13 @@ class ModelPairs:
 
         program = PairProgram(function, len(own), [x.shape[0] for x in self.numbers], dim)
         if unserved(program.jaxpr):  # XLA has all operations, but needs longer to compile and to compute
-            return states(
-                self.single,
-                self.varying.model,
-                self.varying.components(),
-                dim,
-                self.dtype,
-                (reference, deformed),
-                self.horizon,
-            )
+            empty = jnp.zeros((0, layout.volumes.shape[0]), self.dtype)
+            sums = tuple(jnp.stack(x) if x else empty for x in (reference, deformed))
+            own = self.varying.components()
+            return states(self.single, self.varying.model, own, dim, self.dtype, sums, self.horizon)
         return *kind, pair_sum(program, "points", (layout.each,), own, self.numbers) if program.outs else []
 
-    def force(self, reference: Array, u: Float[Array, "points dim"]) -> Float[Array, "points dim"]:
+    def force(self, reference: list[Array], u: Float[Array, "points dim"]) -> Float[Array, "points dim"]:
         """f of every point."""
         layout, dim = self.layout, self.dim
         U = list(layout.embed(u.astype(self.dtype)))
