@@ -47,7 +47,9 @@ from .fields import check_model, point_field
 BACKENDS: dict[str, BackendModule] = {"families": padded, "slices": slices, "fft": fft, "compiled": compiled}
 WAYS = ("auto", *BACKENDS)
 HUGE = 3.0  # a body that moves apart by more than this many times its size has probably a wrong u
-MANY = 100  # offsets from which "fft" of degree 1 is faster than "slices" (3D, N = 3 has 122; `pdjax bench ways`)
+FASTEST = ("compiled", "slices", "families", "fft")  # "auto" takes the first that can
+# Offsets from which "fft" of degree 1 is faster than "slices" and than "compiled" (3D: N = 3 has 122, N = 4 has 256).
+MANY = {False: 100, True: 250}
 
 
 def ways_of(model: AbstractModel, families: Families) -> tuple[str, ...]:
@@ -55,26 +57,32 @@ def ways_of(model: AbstractModel, families: Families) -> tuple[str, ...]:
     return tuple(way for way, backend in BACKENDS.items() if backend.refusal(model, families) is None)
 
 
+def _refusal(model: AbstractModel, families: Families, way: str, mean: bool) -> str | None:
+    """Why a backend cannot evaluate this model and body, or None if it can."""
+    return "it takes no mean deformation F" if mean and way == "fft" else BACKENDS[way].refusal(model, families)
+
+
 def _choose(model: AbstractModel, families: Families, way: str, mean: bool) -> str:
-    able = tuple(w for w in ways_of(model, families) if not (mean and w == "fft"))
-    if way != "auto":
-        if way not in able:
-            why = BACKENDS[way].refusal(model, families) or "it takes no mean deformation F"
-            raise ValueError(
-                f"way={way!r} cannot evaluate this model on these families: {why}; backends that can:"
-                f" {', '.join(map(repr, able)) or 'none'}"
-            )
-        return way
-    if not able:
-        raise ValueError(
-            f"{type(model).__name__} needs families with arrays, but these were made with arrays=False; make them with"
-            " arrays=True"
-        )
-    if padded.is_small(families):
+    if way == "auto" and padded.is_small(families):
         return "families"
-    if "fft" in able and model.degree == 1 and families.grid is not None and len(families.grid.offsets) >= MANY:
-        return "fft"
-    return "slices" if "slices" in able else "families"
+    if way == "auto":
+        able = [w for w in FASTEST if _refusal(model, families, w, mean) is None]
+        if not able:
+            raise ValueError(
+                f"{type(model).__name__} needs families with arrays, but these were made with arrays=False; make them"
+                " with arrays=True"
+            )
+        many = MANY[able[0] == "compiled"]
+        use_fft = "fft" in able and model.degree == 1 and len(families.grid.offsets) >= many  # type: ignore[union-attr]
+        return "fft" if use_fft else able[0]
+    why = _refusal(model, families, way, mean)
+    if why:
+        able = [w for w in BACKENDS if _refusal(model, families, w, mean) is None]
+        raise ValueError(
+            f"way={way!r} cannot evaluate this model on these families: {why}; backends that can:"
+            f" {', '.join(map(repr, able)) or 'none'}"
+        )
+    return way
 
 
 class ForceOperator(eqx.Module):

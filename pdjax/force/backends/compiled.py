@@ -7,7 +7,7 @@ on bodies that are not traced. The formulas and the loops are in `pdjax.force.co
 import functools
 import importlib.util
 import sys
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import equinox as eqx
 import jax
@@ -17,9 +17,9 @@ from jaxtyping import Array, Float
 
 from ..._internal.checks import is_concrete
 from ..._internal.dependence import known_part
-from ..._internal.memory import remember
+from ..._internal.memory import remember, value_key
 from ...geometry.bonds import Families
-from ...models.base import AbstractModel
+from ...models.base import AbstractModel, PointStateModel
 from .backend import Backend, lattice_refusal
 from .point_states import reference_moments
 
@@ -29,9 +29,9 @@ INSTALL = 'it needs the package llvmlite; install it with: pip install "pdjax[co
 class Compiled(Backend):
     """The layout of a body, together with the sums over its reference configuration."""
 
-    quick: ClassVar[bool] = False  # little is left for XLA to compile
+    quick: ClassVar[bool] = True  # little is left for XLA to compile
 
-    layout: eqx.Module  # LatticePairs or CloudBonds
+    layout: Any  # a `compiled.layouts.Layout`, whose module needs llvmlite
     reference: list[Array]  # rows (flat,)
     horizon: Array
 
@@ -72,11 +72,29 @@ def refusal(model: AbstractModel, families: Families) -> str | None:
         return "some of its bonds are broken"
     if families.xi is None and lattice_refusal(model, families):
         return "the families were made with arrays=False"
-    return None
+    return _unserved(model, families)
+
+
+def _unserved(model: AbstractModel, families: Families) -> str | None:
+    """Why the formulas of a model cannot be translated, or None if they can. Their values do not matter."""
+    from ..compiled.layouts import Blank
+    from ..compiled.model_pairs import ModelPairs
+
+    points = len(families)
+    arrays, rest = eqx.partition(model, eqx.is_array)
+    key = value_key(rest), jax.tree.structure(arrays), *((x.shape, x.dtype) for x in jax.tree.leaves(arrays))
+
+    def found() -> str | None:
+        blank = eqx.combine(jax.tree.map(lambda x: jnp.ones(x.shape, x.dtype), arrays), rest)
+        pairs = ModelPairs(blank, points, Blank.of(families), jnp.ones((), families.dtype), None)
+        why = pairs.unserved()
+        return why and f"{type(model).__name__} uses {why}, which has no vector instruction"
+
+    return remember(families, ("unserved", key), found)
 
 
 @eqx.filter_jit
-def _reference(model: AbstractModel, layout: eqx.Module, horizon: Array, points: int) -> list[Array]:
+def _reference(model: AbstractModel, layout: Any, horizon: Array, points: int) -> list[Array]:
     from ..compiled.model_pairs import ModelPairs
 
     return ModelPairs(model, points, layout, horizon, None).reference()
@@ -89,7 +107,8 @@ def prepare(model: AbstractModel, families: Families) -> Backend:
     kind = CloudBonds if lattice_refusal(model, families) else LatticePairs
     layout = remember(families, ("layout", kind.kind), lambda: kind.of(families))
     horizon = jnp.asarray(families.horizon)
-    horizon = horizon[layout.order] if horizon.ndim else horizon
+    horizon = layout.embed(horizon[:, None])[0] if horizon.ndim else horizon
+    assert isinstance(model, PointStateModel)
     points, dim = len(families), families.dim
     part = known_part(families, "reference", lambda m: reference_moments(m, points, dim), model)
     if part is None:

@@ -78,7 +78,7 @@ def sizes_of_moments(
     model: PointStateModel, which: int, dim: int, dtype: DTypeLike
 ) -> tuple[PyTreeDef, list[tuple[int, ...]]]:
     """Structure and shapes of the reference moments (`which` = 0) or the deformed moments (1)."""
-    one = Bonds(*(jax.ShapeDtypeStruct(s, dtype) for s in ((dim,), (dim,), (), (), ())))
+    one = Bonds(*(jax.ShapeDtypeStruct(s, dtype) for s in ((dim,), (dim,), (), (), ())))  # type: ignore[arg-type]
     tree = jax.eval_shape(model.moments, one)[which]
     leaves, structure = jax.tree.flatten(tree)
     return structure, [x.shape for x in leaves]

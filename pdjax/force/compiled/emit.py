@@ -206,7 +206,7 @@ INSTRUCTIONS: dict[str, Callable] = {
 def _inner(eqn: core.JaxprEqn) -> core.ClosedJaxpr | None:
     if eqn.primitive.name not in INLINED:
         return None
-    inner = eqn.params.get("jaxpr") or eqn.params.get("call_jaxpr") or eqn.params.get("fun_jaxpr")
+    inner: Any = next(eqn.params[name] for name in ("jaxpr", "call_jaxpr", "fun_jaxpr") if name in eqn.params)
     return inner if isinstance(inner, core.ClosedJaxpr) else core.ClosedJaxpr(inner, ())
 
 
@@ -215,8 +215,13 @@ def _is_log1p(eqn: core.JaxprEqn) -> bool:
     return eqn.primitive.name == "custom_jvp_call" and eqn.params["call_jaxpr"].jaxpr.debug_info.func_name == "log1p"
 
 
-def _read(lanes: Lanes, known: dict, v: core.Var | core.Literal) -> ir.Value:
-    return lanes.constant(v.val, _kind(v.aval.dtype)) if isinstance(v, core.Literal) else known[v]
+def _read(lanes: Lanes, known: dict, v: Any) -> ir.Value:
+    return lanes.constant(v.val, _kind(np.asarray(v.val).dtype)) if isinstance(v, core.Literal) else known[v]
+
+
+def _is_scalar(eqn: core.JaxprEqn) -> bool:
+    variables: list[Any] = [*eqn.invars, *eqn.outvars]
+    return all(v.aval.shape == () for v in variables)
 
 
 def _run(lanes: Lanes, eqns: list[core.JaxprEqn], known: dict, reciprocals: dict | None = None) -> None:
@@ -234,7 +239,7 @@ def _run(lanes: Lanes, eqns: list[core.JaxprEqn], known: dict, reciprocals: dict
             results = vectorised(lanes, inner, given)
         elif name == "div" and not isinstance(eqn.invars[1], core.Literal) and eqn.invars[1] in reciprocals:
             results = [lanes.mul(given[0], reciprocals[eqn.invars[1]])]
-        elif name in INSTRUCTIONS and all(v.aval.shape == () for v in (*eqn.invars, *eqn.outvars)):
+        elif name in INSTRUCTIONS and _is_scalar(eqn):
             results = [INSTRUCTIONS[name](lanes, *given, **eqn.params)]
         else:
             raise NotVectorised(f"the operation {name}")

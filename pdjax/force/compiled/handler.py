@@ -28,8 +28,8 @@ def functions() -> tuple[dict[str, int], tuple[int, int]]:
     """The offsets of the functions in XLA's table, and the version of the interface."""
     text = HEADER.read_text()
     names = re.findall(r"^  _XLA_FFI_API_STRUCT_FIELD\((\w+)\);", text, re.M)
-    version = [int(re.search(rf"#define XLA_FFI_API_{part} (\d+)", text)[1]) for part in ("MAJOR", "MINOR")]
-    return {name: FIRST_FUNCTION + 8 * k for k, name in enumerate(names)}, tuple(version)
+    major, minor = (int(re.findall(rf"#define XLA_FFI_API_{part} (\d+)", text)[0]) for part in ("MAJOR", "MINOR"))
+    return {name: FIRST_FUNCTION + 8 * k for k, name in enumerate(names)}, (major, minor)
 
 
 def add_handler(module: ir.Module, item: ir.Function, phases: int, sizes: int) -> None:
@@ -165,7 +165,10 @@ def _run(module: ir.Module, item: ir.Function) -> ir.Function:
     (memory,) = run.args
     b = ir.IRBuilder(run.append_basic_block("entry"))
     work = b.bitcast(memory, LONG.as_pointer())
-    word = lambda k: b.gep(work, [LONG(k)])
+
+    def word(k):
+        return b.gep(work, [LONG(k)])
+
     per, total = b.load(word(3)), b.load(word(4))
     head, inside, after = (run.append_basic_block() for _ in range(3))
     b.branch(head)

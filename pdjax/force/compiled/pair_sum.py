@@ -5,6 +5,7 @@ pairs (`pairs`), and batches one element after the other.
 """
 
 import functools
+from collections.abc import Sequence
 from typing import Any
 
 import jax
@@ -22,7 +23,7 @@ primitive.multiple_results = True
 
 
 def pair_sum(
-    program: PairProgram, kind: str, geometry: tuple[Array, ...], rows: list[Array], numbers: list[Array]
+    program: PairProgram, kind: str, geometry: Sequence[Array], rows: list[Array], numbers: list[Array]
 ) -> list[Float[Array, " flat"]]:
     """Σ over the bonds of every point of what the program gives, one row for each sum.
 
@@ -59,8 +60,6 @@ def _derivative(operands: tuple, changes: tuple, *, program: PairProgram, kind: 
     out = pair_sum(program, kind, geometry, rows, numbers)
     some = tuple(k for k, x in enumerate(d_rows) if type(x) is not ad.Zero)
     few = tuple(k for k, x in enumerate(d_numbers) if type(x) is not ad.Zero)
-    if not some and not few:
-        return out, [ad.Zero.from_primal_value(x) for x in out]
     along = pair_sum(
         tangent(program, some, few),
         kind,
@@ -95,11 +94,11 @@ def _transpose(weights: list, *operands: Any, program: PairProgram, kind: str) -
 
 
 def _batch(operands: tuple, axes: tuple, *, program: PairProgram, kind: str) -> tuple[list, list]:
-    moved = [jnp.moveaxis(x, a, 0) for x, a in zip(operands, axes, strict=True) if a is not batching.not_mapped]
+    moved = [jnp.moveaxis(x, a, 0) for x, a in zip(operands, axes, strict=True) if a is not None]
 
     def one(few):
         left = iter(few)
-        whole = [x if a is batching.not_mapped else next(left) for x, a in zip(operands, axes, strict=True)]
+        whole = [x if a is None else next(left) for x, a in zip(operands, axes, strict=True)]
         return primitive.bind(*whole, program=program, kind=kind)
 
     out = jax.lax.map(one, moved)

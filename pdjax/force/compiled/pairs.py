@@ -10,6 +10,7 @@ near end and of the far end. `here` and `there` are numbers of the two points, `
 A pair seen from its other end, (there, here, −ξ, …), must give (far, near). Both derivatives keep this property.
 """
 
+import itertools
 import re
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -82,14 +83,18 @@ class PairProgram:
 
 def _cut(given: Sequence, sizes: Sequence[int]) -> list[Scalars]:
     """A flat list as lists of these lengths."""
-    ends = np.cumsum([0, *sizes])
-    return [list(given[a:b]) for a, b in zip(ends[:-1], ends[1:], strict=True)]
+    return [list(given[a:b]) for a, b in itertools.pairwise(np.cumsum([0, *sizes]))]
 
 
-def _filled(all_: int, some: dict[int, Any], rest: Scalars) -> Scalars:
-    """A list of `all_` entries: those of `some` at their places, and `rest` in order at the other places."""
-    left = iter(rest)
-    return [some[k] if k in some else next(left) for k in range(all_)]
+def _merged(count: int, places: Sequence[int], some: Sequence, rest: Sequence) -> list:
+    """A list of `count` entries with those of `some` at these places, and those of `rest` in order at the others."""
+    chosen, others = iter(some), iter(rest)
+    return [next(chosen) if k in places else next(others) for k in range(count)]
+
+
+def _others(values: Sequence, places: Sequence[int]) -> list:
+    """The entries that are not at these places."""
+    return [x for k, x in enumerate(values) if k not in places]
 
 
 def tangent(program: PairProgram, rows: tuple[int, ...], numbers: tuple[int, ...]) -> PairProgram:
@@ -97,25 +102,22 @@ def tangent(program: PairProgram, rows: tuple[int, ...], numbers: tuple[int, ...
 
     The new program has the same inputs, followed by the changes of these rows and of these vectors.
     """
+    count, vectors = program.rows, len(program.numbers)
 
     def function(here, there, xi, omega, back, shared):
-        at, changes = shared[: len(program.numbers)], shared[len(program.numbers) :]
-        near, far = here[: program.rows], there[: program.rows]
+        ends, at = (here[:count], there[:count]), shared[:vectors]
 
         def of(mine, theirs, some):
-            return program(
-                _filled(program.rows, dict(zip(rows, mine, strict=True)), [near[k] for k in range(program.rows) if k not in rows]),
-                _filled(program.rows, dict(zip(rows, theirs, strict=True)), [far[k] for k in range(program.rows) if k not in rows]),
-                xi, omega, back,
-                _filled(len(at), dict(zip(numbers, some, strict=True)), [v for k, v in enumerate(at) if k not in numbers]),
-            )  # fmt: skip
+            near, far = (
+                _merged(count, rows, x, _others(end, rows)) for x, end in zip((mine, theirs), ends, strict=True)
+            )
+            return program(near, far, xi, omega, back, _merged(vectors, numbers, some, _others(at, numbers)))
 
-        where = [near[k] for k in rows], [far[k] for k in rows], [at[k] for k in numbers]
-        along = here[program.rows :], there[program.rows :], changes
-        return jax.jvp(of, where, along)[1]
+        where = *([end[k] for k in rows] for end in ends), [at[k] for k in numbers]
+        return jax.jvp(of, where, (here[count:], there[count:], shared[vectors:]))[1]
 
     lengths = (*program.numbers, *(program.numbers[k] for k in numbers))
-    return PairProgram(function, program.rows + len(rows), lengths, program.dim)
+    return PairProgram(function, count + len(rows), lengths, program.dim)
 
 
 def transposed(program: PairProgram, rows: tuple[int, ...], numbers: tuple[int, ...]) -> PairProgram:
@@ -124,22 +126,17 @@ def transposed(program: PairProgram, rows: tuple[int, ...], numbers: tuple[int, 
     The new program has the other inputs, and the rows w behind the other rows. Its sums are first one for each of
     `rows`, then one for each entry of each of `numbers`. Each end of a pair gets half of the latter.
     """
-    fixed = [k for k in range(program.rows) if k not in rows]
-    lengths = [n for k, n in enumerate(program.numbers) if k not in numbers]
+    count, fixed, vectors = program.rows, program.rows - len(rows), len(program.numbers)
 
     def function(here, there, xi, omega, back, shared):
         def of(mine, theirs, some):
-            return program(
-                _filled(program.rows, dict(zip(rows, mine, strict=True)), here[: len(fixed)]),
-                _filled(program.rows, dict(zip(rows, theirs, strict=True)), there[: len(fixed)]),
-                xi, omega, back,
-                _filled(len(program.numbers), dict(zip(numbers, some, strict=True)), shared),
-            )  # fmt: skip
+            near, far = (_merged(count, rows, x, end[:fixed]) for x, end in ((mine, here), (theirs, there)))
+            return program(near, far, xi, omega, back, _merged(vectors, numbers, some, shared))
 
         zero = np.zeros(())
         like = [zero] * len(rows), [zero] * len(rows), [[zero] * program.numbers[k] for k in numbers]
-        mine, theirs, some = jax.linear_transpose(of, *like)((here[len(fixed) :], there[len(fixed) :]))
+        mine, theirs, some = jax.linear_transpose(of, *like)((here[fixed:], there[fixed:]))
         halves = [0.5 * x for v in some for x in v]
         return [*mine, *halves], [*theirs, *halves]
 
-    return PairProgram(function, len(fixed) + program.outs, lengths, program.dim)
+    return PairProgram(function, fixed + program.outs, _others(program.numbers, numbers), program.dim)
