@@ -68,6 +68,18 @@ class Lanes:
     def mul(self, a: ir.Value, b: ir.Value) -> ir.Value:
         return self.builder.fmul(a, b, flags=FAST)
 
+    def as_double(self, x: ir.Value) -> ir.Value:
+        """Numbers of any kind in the form of doubles, for storing."""
+        if x.type.element == BIT:
+            return self.builder.uitofp(x, self.type(DOUBLE))
+        return self.builder.bitcast(x, self.type(DOUBLE))
+
+    def from_double(self, x: ir.Value, kind: ir.Type) -> ir.Value:
+        """The inverse of `as_double`."""
+        if kind == BIT:
+            return self.builder.fcmp_ordered("!=", x, self.constant(0.0))
+        return self.builder.bitcast(x, self.type(kind))
+
     def power(self, x: ir.Value, y: int) -> ir.Value:
         """x to a whole power."""
         if y < 0:
@@ -294,12 +306,15 @@ class Parted:
         known = _start(lanes, self.program, operands)
         _run(lanes, self.parts[0], known)
         one = lanes.constant(1.0)
-        return [known[v] for v in self.between] + [lanes.builder.fdiv(one, known[v]) for v in self.divisors]
+        found = [known[v] for v in self.between] + [lanes.builder.fdiv(one, known[v]) for v in self.divisors]
+        return [lanes.as_double(x) for x in found]
 
     def second(self, lanes: Lanes, operands: list[ir.Value], between: list[ir.Value]) -> list[ir.Value]:
         """The results of the program for all operands; those of the first part are not read."""
         n = len(self.between)
-        known = {**_start(lanes, self.program, operands), **dict(zip(self.between, between[:n], strict=True))}
+        kinds: list[Any] = [v.aval for v in self.between]
+        read = [lanes.from_double(x, _kind(kind.dtype)) for x, kind in zip(between[:n], kinds, strict=True)]
+        known = {**_start(lanes, self.program, operands), **dict(zip(self.between, read, strict=True))}
         _run(lanes, self.parts[1], known, dict(zip(self.divisors, between[n:], strict=True)))
         return [_read(lanes, known, v) for v in self.jaxpr.outvars]
 
