@@ -2,7 +2,7 @@
 
     f_i = Σ_j [T_ij − T_ji] V_j  [force/length^dim]
 
-Three backends compute the same f. The public argument `way` names one of them; "auto" takes the fastest by measurement.
+Four backends compute the same f. The public argument `way` names one of them; "auto" takes the fastest by measurement.
 
     "families"   Padded neighbour arrays of any cloud. In small bodies all bonds are evaluated at once, which compiles
                  faster. In larger bodies a model made of moments is evaluated slot by slot, so that memory grows with
@@ -10,6 +10,8 @@ Three backends compute the same f. The public argument `way` names one of them; 
     "slices"     A lattice without index arrays: the neighbours of all points at one offset are one slice of an array.
     "fft"        A lattice by convolutions, for models whose moments and bond force are polynomials of degree 1 or 2 in
                  the displacement. The cost does not grow with the horizon.
+    "compiled"   Any lattice or cloud on a CPU, by loops that LLVM compiles from the formulas of models of moments.
+                 It needs the package llvmlite.
 
 Some data depend on the reference configuration alone: shape tensors, sums over the undeformed family, transforms of
 kernels. They are computed once for each families object and for each set of the model constants that they depend on.
@@ -53,7 +55,7 @@ MANY = {False: 100, True: 250}
 
 
 def ways_of(model: AbstractModel, families: Families) -> tuple[str, ...]:
-    """The backends that can evaluate this model on these families, out of "families", "slices" and "fft"."""
+    """The backends that can evaluate this model on these families: some of `BACKENDS`."""
     return tuple(way for way, backend in BACKENDS.items() if backend.refusal(model, families) is None)
 
 
@@ -99,7 +101,7 @@ class ForceOperator(eqx.Module):
     backend : Backend
         The prepared backend.
     way : str
-        Name of the backend: "families", "slices" or "fft".
+        Name of the backend: "families", "slices", "fft" or "compiled".
 
     Notes
     -----
@@ -209,7 +211,7 @@ def force_operator(model: AbstractModel, families: Families, way: str = "auto", 
         The material model.
     families : Families
         Families of the body, from `families`.
-    way : {"auto", "families", "slices", "fft"}, optional
+    way : {"auto", "families", "slices", "fft", "compiled"}, optional
         Backend that computes the forces, as in `force_density`.
     mean : bool, optional
         True if the operator will be called with a mean deformation, `operator(u, F)`. Then "auto" does not choose
@@ -262,9 +264,10 @@ def force_density(model: AbstractModel, families: Families, u, F=None, way: str 
     F : array, shape (dim, dim), optional
         Homogeneous deformation gradient [-] under the displacement, x = F X + u. Default: the identity.
         A periodic body can be strained in no other way.
-    way : {"auto", "families", "slices", "fft"}, optional
-        Backend that computes the forces: padded neighbour arrays for any cloud, slices of a lattice, or convolutions on
-        a lattice. All give the same result to rounding. "auto" takes the fastest by measurement.
+    way : {"auto", "families", "slices", "fft", "compiled"}, optional
+        Backend that computes the forces: padded neighbour arrays for any cloud, slices of a lattice, convolutions on a
+        lattice, or compiled loops for any cloud or lattice on a CPU, which need `pip install "pdjax[compiled]"`. All
+        give the same result to rounding. "auto" takes the fastest of those that serve this model and body.
 
     Returns
     -------

@@ -6,7 +6,7 @@ A layout stores a quantity of the points as an array (components, flat), perhaps
     volumes    of the points (flat,)
     filled     1 in cells that hold a point and 0 elsewhere, or None if every cell holds one
 
-The layouts are the traversals of `traversal` and those of `pdjax.force.compiled.layouts`.
+The layouts are the traversals of `traversal` and those of `pdjax.force.backends.compiled.layouts`.
 """
 
 from collections.abc import Callable

@@ -1,7 +1,22 @@
-"""The backend "compiled": loops over the bonds as machine code, made by LLVM from the formulas of the model.
+"""The backend "compiled": loops over the bonds as machine code, which LLVM makes from the formulas of a model.
 
-It needs the package llvmlite (`pip install "pdjax[compiled]"`), a CPU and float64, and serves models made of moments
-on bodies that are not traced. The formulas and the loops are in `pdjax.force.compiled`.
+It needs the package llvmlite (`pip install "pdjax[compiled]"`), a CPU and float64. It serves models made of moments on
+bodies that are not traced. A model is written once, in JAX. Its functions of one bond are traced to programs of scalars,
+and each scalar becomes a vector that holds one number of several points. There is no code of its own for any model.
+
+The modules, in the order in which to read them:
+
+    pairs         what a pair of points contributes to the sums of both, and the derivatives of that
+    model_pairs   the pair programs of a model, and its forces by two sums over pairs
+    pair_sum      a sum over all pairs as a JAX primitive, with derivatives of every order
+    layouts       how the points and bonds of a body lie in memory
+    kernels       the loops over bonds, made for a pair program
+    loops         loads, stores and loops of LLVM functions
+    emit          programs of scalars as vector instructions
+    handler       the function that XLA calls, and how its threads share the work
+    machine       machine code of this processor
+
+This file holds the backend itself. It imports the others only when they are used, because they need llvmlite.
 """
 
 import functools
@@ -15,13 +30,13 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..._internal.checks import is_concrete
-from ..._internal.dependence import known_part
-from ..._internal.memory import remember, value_key
-from ...geometry.bonds import Families
-from ...models.base import AbstractModel, PointStateModel
-from .backend import Backend, lattice_refusal
-from .point_states import reference_moments
+from ...._internal.checks import is_concrete
+from ...._internal.dependence import known_part
+from ...._internal.memory import remember, value_key
+from ....geometry.bonds import Families
+from ....models.base import AbstractModel, PointStateModel
+from ..backend import Backend, lattice_refusal
+from ..point_states import reference_moments
 
 INSTALL = 'it needs the package llvmlite; install it with: pip install "pdjax[compiled]"'
 
@@ -37,7 +52,7 @@ class Compiled(Backend):
 
     def force(self, model: AbstractModel, u: Float[Array, "points dim"], F: Array | None) -> Float[Array, "points dim"]:
         """f of every point; see `Backend.force`."""
-        from ..compiled.model_pairs import ModelPairs
+        from .model_pairs import ModelPairs
 
         gradient = None if F is None else F - jnp.eye(u.shape[1], dtype=u.dtype)
         return ModelPairs(model, len(u), self.layout, self.horizon, gradient).force(self.reference, u)
@@ -48,7 +63,7 @@ def _unavailable() -> str | None:
     """Why this machine cannot use the backend, or None if it can."""
     if importlib.util.find_spec("llvmlite") is None:
         return INSTALL
-    from ..compiled.handler import functions
+    from .handler import functions
 
     if sys.platform == "win32" or "XLA_FFI_ThreadPool_Schedule" not in functions()[0]:
         return "this operating system or version of jaxlib has no interface for compiled loops"
@@ -77,8 +92,8 @@ def refusal(model: AbstractModel, families: Families) -> str | None:
 
 def _unserved(model: AbstractModel, families: Families) -> str | None:
     """Why the formulas of a model cannot be translated, or None if they can. Their values do not matter."""
-    from ..compiled.layouts import Blank
-    from ..compiled.model_pairs import ModelPairs
+    from .layouts import Blank
+    from .model_pairs import ModelPairs
 
     points = len(families)
     arrays, rest = eqx.partition(model, eqx.is_array)
@@ -95,14 +110,14 @@ def _unserved(model: AbstractModel, families: Families) -> str | None:
 
 @eqx.filter_jit
 def _reference(model: AbstractModel, layout: Any, horizon: Array, points: int) -> list[Array]:
-    from ..compiled.model_pairs import ModelPairs
+    from .model_pairs import ModelPairs
 
     return ModelPairs(model, points, layout, horizon, None).reference()
 
 
 def prepare(model: AbstractModel, families: Families) -> Backend:
     """The backend for these families."""
-    from ..compiled.layouts import CloudBonds, LatticePairs
+    from .layouts import CloudBonds, LatticePairs
 
     kind = CloudBonds if lattice_refusal(model, families) else LatticePairs
     layout = remember(families, ("layout", kind.kind), lambda: kind.of(families))

@@ -20,11 +20,11 @@ from jax.tree_util import PyTreeDef
 from jax.typing import DTypeLike
 from jaxtyping import Array, Float
 
-from ...geometry.bonds import Bonds
-from ...models.base import AbstractModel, Sums
-from ...models.pointwise import split_model
-from ..backends.components import by_components, entries, one_entry, trees
-from ..backends.point_states import Varying, sizes_of_moments, states, with_rest
+from ....geometry.bonds import Bonds
+from ....models.base import AbstractModel, Sums
+from ....models.pointwise import split_model
+from ..components import by_components, entries, one_entry, trees
+from ..point_states import Varying, sizes_of_moments, states, with_rest
 from .emit import unserved
 from .layouts import Layout
 from .pair_sum import pair_sum

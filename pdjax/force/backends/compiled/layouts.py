@@ -13,10 +13,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
-from ..._internal.checks import on_device, on_host
-from ...geometry.bonds import Bonds, Families
-from ..backends.point_states import bonds_of_rest
-from ..backends.traversal import LatticeTraversal
+from ...._internal.checks import on_device, on_host
+from ....geometry.bonds import Bonds, Families
+from ..point_states import bonds_of_rest
+from ..traversal import LatticeTraversal
 from .machine import target
 
 PARTS = 64  # parts of a lattice; more would not balance the work of the threads any better
