@@ -197,8 +197,9 @@ def _backend(model: AbstractModel, families: Families, way: str) -> Backend:
 def _prepared(model: AbstractModel, families: Families, way: str, mean: bool) -> tuple[AbstractModel, Backend, str]:
     """Check the arguments, and return the model for the forces, the prepared backend and its name."""
     check_model(model, families, Families)
-    way = _choose(model, families, way, mean)
-    return model.specialised(), _backend(model, families, way), way
+    ready = model.specialised()
+    way = _choose(ready, families, way, mean)
+    return ready, _backend(model, families, way), way
 
 
 @public_function

@@ -227,7 +227,9 @@ def energies(motion: Motion, state: State, dt: Float[Array, ""]) -> Energies:
     if scene.model.hyperelastic:
         factor, _ = motion.factor(state.step * dt)
         families = scene.families if state.bonds is None else scene.families.with_share(state.bonds.alive)
-        strain = strain_energy(scene.model, families, state.u, scene.mean_deformation(factor))
+        # The model of the prepared operator has a shorter program where its constants are known.
+        model = scene.model if scene.operator is None else scene.operator.model
+        strain = strain_energy(model, families, state.u, scene.mean_deformation(factor))
     return Energies(kinetic, strain, state.supports, state.loads, state.dissipated, released)
 
 

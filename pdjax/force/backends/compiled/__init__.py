@@ -1,7 +1,7 @@
 """The backend "compiled": loops over the bonds as machine code, which LLVM makes from the formulas of a model.
 
 It needs the package llvmlite (`pip install "pdjax[compiled]"`), a CPU and float64. It serves models made of moments on
-bodies that are not traced. A model is written once, in JAX. Its functions of one bond are traced to programs of scalars,
+bodies that are not traced. A model is written once, in JAX. Its functions of one bond are traced to scalar programs,
 and each scalar becomes a vector that holds one number of several points. There is no code of its own for any model.
 
 The modules, in the order in which to read them:
@@ -32,7 +32,8 @@ from jaxtyping import Array, Float
 
 from ...._internal.checks import is_concrete
 from ...._internal.dependence import known_part
-from ...._internal.memory import remember, value_key
+from ...._internal.memory import remember
+from ...._internal.xla import ONCE, compiled_with
 from ....geometry.bonds import Families
 from ....models.base import AbstractModel, PointStateModel
 from ..backend import Backend, lattice_refusal
@@ -95,24 +96,24 @@ def _unserved(model: AbstractModel, families: Families) -> str | None:
     from .layouts import Blank
     from .model_pairs import ModelPairs
 
-    points = len(families)
-    arrays, rest = eqx.partition(model, eqx.is_array)
-    key = value_key(rest), jax.tree.structure(arrays), *((x.shape, x.dtype) for x in jax.tree.leaves(arrays))
+    why: list[str | None] = []
 
-    def found() -> str | None:
-        blank = eqx.combine(jax.tree.map(lambda x: jnp.ones(x.shape, x.dtype), arrays), rest)
-        pairs = ModelPairs(blank, points, Blank.of(families), jnp.ones((), families.dtype), None)
-        why = pairs.unserved()
-        return why and f"{type(model).__name__} uses {why}, which has no vector instruction"
+    def trace(model: AbstractModel) -> None:
+        layout = Blank.of(families, lattice_refusal(model, families) is None)
+        horizon = jnp.ones((1,) * families.horizon.ndim, families.dtype)
+        why.append(ModelPairs(model, len(families), layout, horizon, None).unserved())
 
-    return remember(families, ("unserved", key), found)
+    eqx.filter_eval_shape(trace, model)
+    return why[0] and f"{type(model).__name__} uses {why[0]}, which has no vector instruction"
 
 
-@eqx.filter_jit
 def _reference(model: AbstractModel, layout: Any, horizon: Array, points: int) -> list[Array]:
     from .model_pairs import ModelPairs
 
     return ModelPairs(model, points, layout, horizon, None).reference()
+
+
+_reference_of_traced, _reference_of_known = eqx.filter_jit(_reference), compiled_with(ONCE)(_reference)
 
 
 def prepare(model: AbstractModel, families: Families) -> Backend:
@@ -127,7 +128,9 @@ def prepare(model: AbstractModel, families: Families) -> Backend:
     points, dim = len(families), families.dim
     part = known_part(families, "reference", lambda m: reference_moments(m, points, dim), model)
     if part is None:
-        return Compiled(layout, _reference(model, layout, horizon, points), horizon)
+        return Compiled(layout, _reference_of_traced(model, layout, horizon, points), horizon)
     key, there = part
     name = ("reference sums", kind.kind, key)
-    return Compiled(layout, remember(families, name, lambda: _reference(there, layout, horizon, points)), horizon)
+    # A known order of a strain makes the program shorter, although the reference sums do not depend on it.
+    reference = remember(families, name, lambda: _reference_of_known(there.specialised(), layout, horizon, points))
+    return Compiled(layout, reference, horizon)
