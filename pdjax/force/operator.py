@@ -170,6 +170,12 @@ class ForceOperator(eqx.Module):
         return _evaluate(backend, self.model, u, F)
 
 
+def fast_energies(operator: ForceOperator, u: Array, F: Array | None) -> Float[Array, " points"] | None:
+    """W of every point [energy/length^dim] for loops that have a prepared operator, or None if its backend has no fast
+    way. It is not jitted, so that jitted functions can trace it."""
+    return operator.backend.energy(operator.model, u, F)
+
+
 def _hidden(backend: Backend) -> Backend:
     """The backend behind an optimization barrier, for use inside a user's compiled function.
 

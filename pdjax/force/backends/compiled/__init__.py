@@ -51,12 +51,21 @@ class Compiled(Backend):
     reference: list[Array]  # rows (flat,)
     horizon: Array
 
-    def force(self, model: AbstractModel, u: Float[Array, "points dim"], F: Array | None) -> Float[Array, "points dim"]:
-        """f of every point; see `Backend.force`."""
+    def _pairs(self, model: AbstractModel, u: Float[Array, "points dim"], F: Array | None) -> Any:
         from .model_pairs import ModelPairs
 
         gradient = None if F is None else F - jnp.eye(u.shape[1], dtype=u.dtype)
-        return ModelPairs(model, len(u), self.layout, self.horizon, gradient).force(self.reference, u)
+        return ModelPairs(model, len(u), self.layout, self.horizon, gradient)
+
+    def energy(
+        self, model: AbstractModel, u: Float[Array, "points dim"], F: Array | None
+    ) -> Float[Array, " points"] | None:
+        """W of every point, if it is a function of the sums over the family; see `Backend.energy`."""
+        return self._pairs(model, u, F).energies(self.reference, u)
+
+    def force(self, model: AbstractModel, u: Float[Array, "points dim"], F: Array | None) -> Float[Array, "points dim"]:
+        """f of every point; see `Backend.force`."""
+        return self._pairs(model, u, F).force(self.reference, u)
 
 
 @functools.cache

@@ -132,26 +132,31 @@ class ModelPairs:
 
         return self._known(which, lambda: self._program(function, self.dim + len(self.rows)))
 
-    def state_program(self) -> tuple[PairProgram, PyTreeDef, list[tuple[int, ...]]]:
-        """A of one point from both sums, its structure, and its shapes."""
+    def _of_sums(self, method: str) -> tuple[PairProgram, PyTreeDef, list[tuple[int, ...]]]:
+        """A method of the model that takes the sums, as a program of one point; structure and shapes of its result."""
         kinds = [sizes_of_moments(self.single, k, self.dim, self.dtype) for k in (0, 1)]
         a, b = (sum(int(np.prod(s)) for s in shapes) for _, shapes in kinds)
         found: list = []
 
         def of(constants, reference, deformed, horizon):
-            return self._model(*constants).state(Sums(reference, deformed, horizon, self.dim))
+            return getattr(self._model(*constants), method)(Sums(reference, deformed, horizon, self.dim))
 
         def function(here, there, xi, omega, back, shared):
             constants = self._constants(shared[0], here[a + b : a + b + len(self.constants)])
             horizon = one_entry(here[-1] if self.horizon.ndim else shared[1][-1])
             sums = (trees(*kind, x) for kind, x in zip(kinds, (here[:a], here[a : a + b]), strict=True))
-            state = by_components(of, self.dtype)(constants, *sums, horizon)
-            found[:] = jax.tree.structure(state), [x.shape for x in jax.tree.leaves(state)]
-            mine = [jnp.asarray(x, self.dtype) for x in entries(state)]
+            result = by_components(of, self.dtype)(constants, *sums, horizon)
+            found[:] = jax.tree.structure(result), [x.shape for x in jax.tree.leaves(result)]
+            mine = [jnp.asarray(x, self.dtype) for x in entries(result)]
             return mine, [jnp.zeros((), self.dtype)] * len(mine)
 
         rows = a + b + len(self.constants) + (1 if self.horizon.ndim else 0)
-        return self._known("state", lambda: (self._program(function, rows), *found))
+        return self._known(method, lambda: (self._program(function, rows), *found))
+
+    def _at_points(self, program: PairProgram, reference: list[Array], deformed: list[Array]) -> list[Array]:
+        """The results of a program of `_of_sums`, one row for each entry."""
+        rows = [*reference, *deformed, *self.constants, *([self.horizon] if self.horizon.ndim else [])]
+        return pair_sum(program, "points", (self.layout.each,), rows, self.numbers) if program.outs else []
 
     def force_program(self, structure: PyTreeDef, shapes: list[tuple[int, ...]]) -> PairProgram:
         """V_j [t(A_i, A_j, bond) − t(A_j, A_i, −bond)] for both ends, with states A of this structure and shapes."""
@@ -181,7 +186,7 @@ class ModelPairs:
 
     def unserved(self) -> str | None:
         """An operation of the moments or of the bond force that has no vector instruction, or None."""
-        _, structure, shapes = self.state_program()
+        _, structure, shapes = self._of_sums("state")
         programs = self.moment_program(0), self.moment_program(1), self.force_program(structure, shapes)
         return next(filter(None, (program.unserved for program in programs)), None)
 
@@ -201,15 +206,21 @@ class ModelPairs:
 
     def states(self, reference: list[Array], deformed: list[Array]) -> tuple:
         """The point states from both sums: structure, shapes, and one row for each entry."""
-        program, structure, shapes = self.state_program()
+        program, structure, shapes = self._of_sums("state")
         if program.unserved:  # XLA has all operations, but needs longer to compile and to compute
             empty = jnp.zeros((0, self.layout.volumes.shape[0]), self.dtype)
             sums = tuple(jnp.stack(x) if x else empty for x in (reference, deformed))
             own = self.varying.components()
             return states(self.single, self.varying.model, own, self.dim, self.dtype, sums, self.horizon)
-        rows = [*reference, *deformed, *self.constants, *([self.horizon] if self.horizon.ndim else [])]
-        found = pair_sum(program, "points", (self.layout.each,), rows, self.numbers) if program.outs else []
-        return structure, shapes, found
+        return structure, shapes, self._at_points(program, reference, deformed)
+
+    def energies(self, reference: list[Array], u: Float[Array, "points dim"]) -> Float[Array, " points"] | None:
+        """W of every point, or None if it is not a function of the sums."""
+        program, *_ = self._of_sums("energy_of_sums")
+        if not program.outs or program.unserved:
+            return None
+        deformed = self.moments(1, list(self.layout.embed(u.astype(self.dtype))))
+        return self.layout.collect(self._at_points(program, reference, deformed))[:, 0]
 
     def force(self, reference: list[Array], u: Float[Array, "points dim"]) -> Float[Array, "points dim"]:
         """f of every point."""
