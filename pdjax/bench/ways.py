@@ -129,6 +129,4 @@ def draw(rows: list[dict]):
     return figure
 
 
-CASE = Case(
-    "Force evaluation: families, slices, FFT, compiled loops, over the horizon and to 10⁶ points", plan, draw
-)
+CASE = Case("Force evaluation: families, slices, FFT, compiled loops, over the horizon and to 10⁶ points", plan, draw)
