@@ -97,6 +97,9 @@ def _unserved(model: AbstractModel, families: Families) -> str | None:
 
     points = len(families)
     arrays, rest = eqx.partition(model, eqx.is_array)
+    kinds = [x.dtype for x in jax.tree.leaves(arrays) if not jnp.issubdtype(x.dtype, jnp.floating)]
+    if kinds:
+        return f"{type(model).__name__} has constants of the type {kinds[0]}, and it computes with real numbers only"
     key = value_key(rest), jax.tree.structure(arrays), *((x.shape, x.dtype) for x in jax.tree.leaves(arrays))
 
     def found() -> str | None:

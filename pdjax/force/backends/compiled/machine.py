@@ -3,11 +3,14 @@
 import ctypes
 import functools
 import hashlib
+import threading
 
 import jax
 from llvmlite import binding, ir
 
 _ENGINES: dict[str, binding.ExecutionEngine] = {}  # they own the machine code, so they live as long as the process
+
+_LOCK = threading.Lock()  # two threads may register the same module at the same time
 
 
 @functools.cache
@@ -44,8 +47,9 @@ def register(module: ir.Module) -> str:
     """
     text = str(module)
     name = "pdjax_" + hashlib.sha256(text.encode()).hexdigest()[:32]
-    if name not in _ENGINES:
-        capsule = ctypes.pythonapi.PyCapsule_New
-        capsule.restype, capsule.argtypes = ctypes.py_object, [ctypes.c_void_p, ctypes.c_char_p, ctypes.c_void_p]
-        jax.ffi.register_ffi_target(name, capsule(_address(name, text), None, None), platform="cpu")
+    with _LOCK:
+        if name not in _ENGINES:
+            capsule = ctypes.pythonapi.PyCapsule_New
+            capsule.restype, capsule.argtypes = ctypes.py_object, [ctypes.c_void_p, ctypes.c_char_p, ctypes.c_void_p]
+            jax.ffi.register_ffi_target(name, capsule(_address(name, text), None, None), platform="cpu")
     return name
