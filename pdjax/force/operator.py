@@ -170,6 +170,12 @@ class ForceOperator(eqx.Module):
         return _evaluate(backend, self.model, u, F)
 
 
+def fast_energies(operator: ForceOperator, u: Array, F: Array | None) -> Float[Array, " points"] | None:
+    """W of every point [energy/length^dim] for loops that have a prepared operator, or None if its backend has no fast
+    way. It is not jitted, so that jitted functions can trace it."""
+    return operator.backend.energy(operator.model, u, F)
+
+
 def _hidden(backend: Backend) -> Backend:
     """The backend behind an optimization barrier, for use inside a user's compiled function.
 
@@ -197,8 +203,9 @@ def _backend(model: AbstractModel, families: Families, way: str) -> Backend:
 def _prepared(model: AbstractModel, families: Families, way: str, mean: bool) -> tuple[AbstractModel, Backend, str]:
     """Check the arguments, and return the model for the forces, the prepared backend and its name."""
     check_model(model, families, Families)
-    way = _choose(model, families, way, mean)
-    return model.specialised(), _backend(model, families, way), way
+    ready = model.specialised()
+    way = _choose(ready, families, way, mean)
+    return ready, _backend(model, families, way), way
 
 
 @public_function

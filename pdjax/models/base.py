@@ -289,6 +289,13 @@ class PointStateModel(AbstractModel):
         """A of a family from its sums."""
         raise NotImplementedError
 
+    def energy_of_sums(self, sums: Sums) -> Float[Array, ""] | None:
+        """W [energy/length^dim] of a family, if it is a function of these sums alone. Otherwise None.
+
+        Runs that record the energy need no other sum over bonds then.
+        """
+        return None
+
     @property
     def by_moments(self) -> bool:
         """Whether the point state is made from sums over single bonds."""

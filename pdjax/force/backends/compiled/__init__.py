@@ -1,7 +1,7 @@
 """The backend "compiled": loops over the bonds as machine code, which LLVM makes from the formulas of a model.
 
 It needs the package llvmlite (`pip install "pdjax[compiled]"`), a CPU and float64. It serves models made of moments on
-bodies that are not traced. A model is written once, in JAX. Its functions of one bond are traced to programs of scalars,
+bodies that are not traced. A model is written once, in JAX. Its functions of one bond are traced to scalar programs,
 and each scalar becomes a vector that holds one number of several points. There is no code of its own for any model.
 
 The modules, in the order in which to read them:
@@ -32,7 +32,8 @@ from jaxtyping import Array, Float
 
 from ...._internal.checks import is_concrete
 from ...._internal.dependence import known_part
-from ...._internal.memory import remember, value_key
+from ...._internal.memory import remember
+from ...._internal.xla import ONCE, compiled_with
 from ....geometry.bonds import Families
 from ....models.base import AbstractModel, PointStateModel
 from ..backend import Backend, lattice_refusal
@@ -50,12 +51,21 @@ class Compiled(Backend):
     reference: list[Array]  # rows (flat,)
     horizon: Array
 
-    def force(self, model: AbstractModel, u: Float[Array, "points dim"], F: Array | None) -> Float[Array, "points dim"]:
-        """f of every point; see `Backend.force`."""
+    def _pairs(self, model: AbstractModel, u: Float[Array, "points dim"], F: Array | None) -> Any:
         from .model_pairs import ModelPairs
 
         gradient = None if F is None else F - jnp.eye(u.shape[1], dtype=u.dtype)
-        return ModelPairs(model, len(u), self.layout, self.horizon, gradient).force(self.reference, u)
+        return ModelPairs(model, len(u), self.layout, self.horizon, gradient)
+
+    def energy(
+        self, model: AbstractModel, u: Float[Array, "points dim"], F: Array | None
+    ) -> Float[Array, " points"] | None:
+        """W of every point, if it is a function of the sums over the family; see `Backend.energy`."""
+        return self._pairs(model, u, F).energies(self.reference, u)
+
+    def force(self, model: AbstractModel, u: Float[Array, "points dim"], F: Array | None) -> Float[Array, "points dim"]:
+        """f of every point; see `Backend.force`."""
+        return self._pairs(model, u, F).force(self.reference, u)
 
 
 @functools.cache
@@ -95,27 +105,28 @@ def _unserved(model: AbstractModel, families: Families) -> str | None:
     from .layouts import Blank
     from .model_pairs import ModelPairs
 
-    points = len(families)
-    arrays, rest = eqx.partition(model, eqx.is_array)
-    kinds = [x.dtype for x in jax.tree.leaves(arrays) if not jnp.issubdtype(x.dtype, jnp.floating)]
+    leaves = jax.tree.leaves(eqx.filter(model, eqx.is_array))
+    kinds = [x.dtype for x in leaves if not jnp.issubdtype(x.dtype, jnp.floating)]
     if kinds:
         return f"{type(model).__name__} has constants of the type {kinds[0]}, and it computes with real numbers only"
-    key = value_key(rest), jax.tree.structure(arrays), *((x.shape, x.dtype) for x in jax.tree.leaves(arrays))
+    why: list[str | None] = []
 
-    def found() -> str | None:
-        blank = eqx.combine(jax.tree.map(lambda x: jnp.ones(x.shape, x.dtype), arrays), rest)
-        pairs = ModelPairs(blank, points, Blank.of(families), jnp.ones((), families.dtype), None)
-        why = pairs.unserved()
-        return why and f"{type(model).__name__} uses {why}, which has no vector instruction"
+    def trace(model: AbstractModel) -> None:
+        layout = Blank.of(families, lattice_refusal(model, families) is None)
+        horizon = jnp.ones((1,) * families.horizon.ndim, families.dtype)
+        why.append(ModelPairs(model, len(families), layout, horizon, None).unserved())
 
-    return remember(families, ("unserved", key), found)
+    eqx.filter_eval_shape(trace, model)
+    return why[0] and f"{type(model).__name__} uses {why[0]}, which has no vector instruction"
 
 
-@eqx.filter_jit
 def _reference(model: AbstractModel, layout: Any, horizon: Array, points: int) -> list[Array]:
     from .model_pairs import ModelPairs
 
     return ModelPairs(model, points, layout, horizon, None).reference()
+
+
+_reference_of_traced, _reference_of_known = eqx.filter_jit(_reference), compiled_with(ONCE)(_reference)
 
 
 def prepare(model: AbstractModel, families: Families) -> Backend:
@@ -130,7 +141,9 @@ def prepare(model: AbstractModel, families: Families) -> Backend:
     points, dim = len(families), families.dim
     part = known_part(families, "reference", lambda m: reference_moments(m, points, dim), model)
     if part is None:
-        return Compiled(layout, _reference(model, layout, horizon, points), horizon)
+        return Compiled(layout, _reference_of_traced(model, layout, horizon, points), horizon)
     key, there = part
     name = ("reference sums", kind.kind, key)
-    return Compiled(layout, remember(families, name, lambda: _reference(there, layout, horizon, points)), horizon)
+    # A known order of a strain makes the program shorter, although the reference sums do not depend on it.
+    reference = remember(families, name, lambda: _reference_of_known(there.specialised(), layout, horizon, points))
+    return Compiled(layout, reference, horizon)

@@ -208,17 +208,17 @@ class CloudBonds(Layout):
 
 
 class Blank(Layout):
-    """No body. It has what tracing the programs of a model needs."""
+    """No body, but what tracing the programs of a model needs."""
 
-    kind: ClassVar[str] = "cloud"
+    kind: ClassVar[str] = "none"
 
     geometry: tuple = ()
 
     @staticmethod
-    def of(families: Families) -> "Blank":
-        """The layout for bodies of this dimension and precision."""
+    def of(families: Families, lattice: bool) -> "Blank":
+        """The layout for bodies of this dimension, dtype and kind."""
         one = jnp.ones(1, families.dtype)
-        return Blank(families.dim, True, one, None, None, jnp.zeros(3, int))
+        return Blank(families.dim, True, one, one[0] if lattice else None, None, jnp.zeros(3, int))
 
     def embed(self, x: Array) -> Array:
         return x[:1].T

@@ -9,8 +9,8 @@ model, V and δ as far as they are shared, and F − I of a mean deformation.
 """
 
 import itertools
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Callable, Hashable
+from typing import Any, TypeVar
 
 import equinox as eqx
 import jax
@@ -20,15 +20,19 @@ from jax.tree_util import PyTreeDef
 from jax.typing import DTypeLike
 from jaxtyping import Array, Float
 
+from ...._internal.memory import value_key
 from ....geometry.bonds import Bonds
 from ....models.base import AbstractModel, Sums
 from ....models.pointwise import split_model
 from ..components import by_components, entries, one_entry, trees
 from ..point_states import Varying, sizes_of_moments, states, with_rest
-from .emit import unserved
 from .layouts import Layout
 from .pair_sum import pair_sum
 from .pairs import PairProgram, Scalars
+
+Made = TypeVar("Made")
+MOST = 512  # programs that are kept
+_PROGRAMS: dict[Hashable, Any] = {}  # traced programs by the structure of model and body
 
 
 def _vector(values: list[Array], dtype: DTypeLike) -> Array:
@@ -66,6 +70,10 @@ class ModelPairs:
         # Whether a bond is the same seen from its other end, and whether sums of the two ends differ in sign at most.
         self.alike = layout.symmetric and horizon.ndim == 0 and not self.varying
         self.mirrored = self.alike and layout.volume is not None
+        rest = value_key(self.rest)
+        kind = layout.symmetric, layout.volume is None, horizon.ndim, len(self.numbers), self.dim, self.dtype.name
+        own = self.varying.structure, tuple(self.varying.shapes)
+        self.key = rest and (rest, self.structure, tuple(self.shapes), own, kind)
 
     def _model(self, constants: list, leaves: list) -> Any:
         """The model of a point from the constants of all points and its own."""
@@ -92,9 +100,19 @@ class ModelPairs:
             ends.append((self._constants(shared[0], own[:count]), bond))
         return ends
 
+    def _known(self, name: Hashable, make: Callable[[], Made]) -> Made:
+        """make(), traced once for all models and bodies that differ only in their numbers."""
+        if self.key is None:
+            return make()
+        if (name, self.key) not in _PROGRAMS:
+            if len(_PROGRAMS) >= MOST:
+                _PROGRAMS.clear()
+            _PROGRAMS[name, self.key] = make()
+        return _PROGRAMS[name, self.key]
+
     def _program(self, function: Callable, rows: int) -> PairProgram:
-        """Trace function(near, far, xi, omega, back, shared); `rows` rows come before those of the body."""
-        return PairProgram(function, rows + len(self.rows), [len(x) for x in self.numbers], self.dim)
+        """Trace function(near, far, xi, omega, back, shared) with this count of rows."""
+        return PairProgram(function, rows, [len(x) for x in self.numbers], self.dim)
 
     def _sum(self, program: PairProgram, rows: list[Array]) -> list[Array]:
         return pair_sum(program, self.layout.kind, self.layout.geometry, [*rows, *self.rows], self.numbers)
@@ -112,29 +130,33 @@ class ModelPairs:
                 return mine, mine
             return mine, entries(by_components(of, self.dtype)(*far))
 
-        return self._program(function, self.dim)
+        return self._known(which, lambda: self._program(function, self.dim + len(self.rows)))
 
-    def state_program(self) -> tuple[PairProgram, PyTreeDef, list[tuple[int, ...]]]:
-        """A of one point from both sums, its structure, and its shapes."""
+    def _of_sums(self, method: str) -> tuple[PairProgram, PyTreeDef, list[tuple[int, ...]]]:
+        """A method of the model that takes the sums, as a program of one point; structure and shapes of its result."""
         kinds = [sizes_of_moments(self.single, k, self.dim, self.dtype) for k in (0, 1)]
         a, b = (sum(int(np.prod(s)) for s in shapes) for _, shapes in kinds)
         found: list = []
 
         def of(constants, reference, deformed, horizon):
-            return self._model(*constants).state(Sums(reference, deformed, horizon, self.dim))
+            return getattr(self._model(*constants), method)(Sums(reference, deformed, horizon, self.dim))
 
         def function(here, there, xi, omega, back, shared):
             constants = self._constants(shared[0], here[a + b : a + b + len(self.constants)])
             horizon = one_entry(here[-1] if self.horizon.ndim else shared[1][-1])
             sums = (trees(*kind, x) for kind, x in zip(kinds, (here[:a], here[a : a + b]), strict=True))
-            state = by_components(of, self.dtype)(constants, *sums, horizon)
-            found[:] = jax.tree.structure(state), [x.shape for x in jax.tree.leaves(state)]
-            mine = [jnp.asarray(x, self.dtype) for x in entries(state)]
+            result = by_components(of, self.dtype)(constants, *sums, horizon)
+            found[:] = jax.tree.structure(result), [x.shape for x in jax.tree.leaves(result)]
+            mine = [jnp.asarray(x, self.dtype) for x in entries(result)]
             return mine, [jnp.zeros((), self.dtype)] * len(mine)
 
         rows = a + b + len(self.constants) + (1 if self.horizon.ndim else 0)
-        program = PairProgram(function, rows, [len(x) for x in self.numbers], self.dim)
-        return program, *found
+        return self._known(method, lambda: (self._program(function, rows), *found))
+
+    def _at_points(self, program: PairProgram, reference: list[Array], deformed: list[Array]) -> list[Array]:
+        """The results of a program of `_of_sums`, one row for each entry."""
+        rows = [*reference, *deformed, *self.constants, *([self.horizon] if self.horizon.ndim else [])]
+        return pair_sum(program, "points", (self.layout.each,), rows, self.numbers) if program.outs else []
 
     def force_program(self, structure: PyTreeDef, shapes: list[tuple[int, ...]]) -> PairProgram:
         """V_j [t(A_i, A_j, bond) − t(A_j, A_i, −bond)] for both ends, with states A of this structure and shapes."""
@@ -159,13 +181,14 @@ class ModelPairs:
             opposite = [-x for x in force] if self.layout.volume is not None else [-reverse.volume[()] * x for x in t]
             return force, opposite
 
-        return self._program(function, dim + count)
+        name = structure, tuple(shapes)
+        return self._known(name, lambda: self._program(function, dim + count + len(self.rows)))
 
     def unserved(self) -> str | None:
         """An operation of the moments or of the bond force that has no vector instruction, or None."""
-        _, structure, shapes = self.state_program()
+        _, structure, shapes = self._of_sums("state")
         programs = self.moment_program(0), self.moment_program(1), self.force_program(structure, shapes)
-        return next(filter(None, (unserved(program.jaxpr) for program in programs)), None)
+        return next(filter(None, (program.unserved for program in programs)), None)
 
     def moments(self, which: int, u: list[Array]) -> list[Array]:
         """The sums of the reference moments (`which` = 0) or the deformed moments (1) over every family."""
@@ -183,15 +206,21 @@ class ModelPairs:
 
     def states(self, reference: list[Array], deformed: list[Array]) -> tuple:
         """The point states from both sums: structure, shapes, and one row for each entry."""
-        program, structure, shapes = self.state_program()
-        if unserved(program.jaxpr):  # XLA has all operations, but needs longer to compile and to compute
+        program, structure, shapes = self._of_sums("state")
+        if program.unserved:  # XLA has all operations, but needs longer to compile and to compute
             empty = jnp.zeros((0, self.layout.volumes.shape[0]), self.dtype)
             sums = tuple(jnp.stack(x) if x else empty for x in (reference, deformed))
             own = self.varying.components()
             return states(self.single, self.varying.model, own, self.dim, self.dtype, sums, self.horizon)
-        rows = [*reference, *deformed, *self.constants, *([self.horizon] if self.horizon.ndim else [])]
-        found = pair_sum(program, "points", (self.layout.each,), rows, self.numbers) if program.outs else []
-        return structure, shapes, found
+        return structure, shapes, self._at_points(program, reference, deformed)
+
+    def energies(self, reference: list[Array], u: Float[Array, "points dim"]) -> Float[Array, " points"] | None:
+        """W of every point, or None if it is not a function of the sums."""
+        program, *_ = self._of_sums("energy_of_sums")
+        if not program.outs or program.unserved:
+            return None
+        deformed = self.moments(1, list(self.layout.embed(u.astype(self.dtype))))
+        return self.layout.collect(self._at_points(program, reference, deformed))[:, 0]
 
     def force(self, reference: list[Array], u: Float[Array, "points dim"]) -> Float[Array, "points dim"]:
         """f of every point."""

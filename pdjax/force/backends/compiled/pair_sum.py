@@ -55,8 +55,8 @@ def _derivative(operands: tuple, changes: tuple, *, program: PairProgram, kind: 
     d_rows, d_numbers, d_geometry = _split(program, changes)
     if any(type(x) is not ad.Zero for x in d_geometry):
         raise NotImplementedError(
-            "way='compiled' has no derivatives in the geometry of a body (positions, volumes, weights). Differentiate in"
-            " u, F or the model alone, or prepare the operator with way='slices' or way='families'"
+            "way='compiled' has no derivatives in the geometry of a body (positions, volumes, weights). Differentiate"
+            " in u, F or the model alone, or prepare the operator with way='slices' or way='families'"
         )
     out = pair_sum(program, kind, geometry, rows, numbers)
     some = tuple(k for k, x in enumerate(d_rows) if type(x) is not ad.Zero)

@@ -10,6 +10,7 @@ near end and of the far end. `here` and `there` are numbers of the two points, `
 A pair seen from its other end, (there, here, −ξ, …), must give (far, near). Both derivatives keep this property.
 """
 
+import functools
 import itertools
 import re
 from collections.abc import Callable, Sequence
@@ -18,6 +19,8 @@ from typing import Any
 import jax
 import numpy as np
 from jax.extend import core
+
+from .emit import unserved
 
 Scalars = list[Any]
 
@@ -66,6 +69,11 @@ class PairProgram:
         consts = [repr(np.asarray(c).tolist()) for c in self.jaxpr.consts]
         printed = re.sub(r" at 0x[0-9a-f]+", "", str(self.jaxpr.jaxpr))  # addresses of functions
         self._key = (printed, *consts, *_literals(self.jaxpr.jaxpr), rows, self.numbers, dim)
+
+    @functools.cached_property
+    def unserved(self) -> str | None:
+        """An operation of the program that has no vector instruction, or None."""
+        return unserved(self.jaxpr)
 
     def __hash__(self) -> int:
         return hash(self._key)
