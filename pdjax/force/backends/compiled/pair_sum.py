@@ -10,6 +10,7 @@ from typing import Any
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax.extend import core
 from jax.interpreters import ad, batching, mlir
 from jaxtyping import Array, Float
@@ -41,6 +42,13 @@ def _split(program: PairProgram, operands: tuple) -> tuple[list, list, list]:
 
 @primitive.def_abstract_eval
 def _shapes(*operands, program, kind):
+    rows, numbers, _ = _split(program, operands)
+    other = [x.dtype for x in (*rows, *numbers) if x.dtype != np.float64]
+    if other:  # the loops would write beyond the arrays
+        raise ValueError(
+            f"way='compiled' computes in float64 only; got {other[0]}. The operator was prepared in float64: call it"
+            " with jax_enable_x64 switched on, or prepare it where it is called"
+        )
     return [operands[0]] * program.outs if program.rows else []
 
 
