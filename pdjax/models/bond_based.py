@@ -239,9 +239,16 @@ class BondBased(PointStateModel):
         return True
 
     def energy(self, bonds: Bonds) -> Float[Array, ""]:
+        return jnp.sum(self._energies(bonds))
+
+    def _energies(self, bonds: Bonds) -> Float[Array, "*bonds"]:
+        """The parts of W that belong to single bonds."""
         xi, eta = bonds.xi, bonds.eta
         e = stretch_minus_one(xi, eta) if self.m is None else bond_strain(xi, eta, self.m)
-        return 0.25 * self.c * jnp.sum(bonds.omega * bonds.volume * jnp.linalg.norm(xi, axis=1) * e**2)
+        return 0.25 * self.c * (bonds.omega * bonds.volume * jnp.linalg.norm(xi, axis=-1) * e**2)
+
+    def energy_of_bond(self, sums: Sums, bond: Bonds) -> Float[Array, ""]:
+        return self._energies(bond)
 
     def extension_energies(self, sums: Callable[[int, int], np.ndarray]) -> np.ndarray:
         return sums(1, 4)  # the stretch of a bond is n_k²

@@ -170,6 +170,14 @@ class LPS(PointStateModel):
         square = bond.volume * jnp.dot(bond.xi, bond.xi)
         return bond.reference * square, bond.omega * square * stretch_minus_one(bond.xi, bond.eta)
 
+    def energy_of_sums(self, sums: Sums) -> Float[Array, ""]:
+        return 0.5 * self.bulk * (sums.dim * sums.deformed / sums.reference) ** 2
+
+    def energy_of_bond(self, sums: Sums, bond: Bonds) -> Float[Array, ""]:
+        dim, length = sums.dim, jnp.sqrt(jnp.dot(bond.xi, bond.xi))
+        deviation = length * (stretch_minus_one(bond.xi, bond.eta) - sums.deformed / sums.reference)
+        return 0.5 * dim * (dim + 2) * self.shear / sums.reference * bond.omega * bond.volume * deviation**2
+
     def state(self, sums: Sums) -> tuple[Array, Array]:
         dim, m_w = sums.dim, sums.reference
         theta, alpha = dim * sums.deformed / m_w, dim * (dim + 2) * self.shear / m_w

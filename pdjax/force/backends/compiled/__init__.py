@@ -69,7 +69,7 @@ class Compiled(Backend):
 
 
 @functools.cache
-def _unavailable() -> str | None:
+def unavailable() -> str | None:
     """Why this machine cannot use the backend, or None if it can."""
     if importlib.util.find_spec("llvmlite") is None:
         return INSTALL
@@ -82,7 +82,7 @@ def _unavailable() -> str | None:
 
 def refusal(model: AbstractModel, families: Families) -> str | None:
     """Why this backend cannot evaluate this model and body, or None if it can."""
-    why = _unavailable()
+    why = unavailable()
     if why:
         return why
     if jax.default_backend() != "cpu":

@@ -25,7 +25,9 @@ FIRST_FUNCTION = 48  # of the table of functions
 
 @functools.cache
 def functions() -> tuple[dict[str, int], tuple[int, int]]:
-    """The offsets of the functions in XLA's table, and the version of the interface."""
+    """The offsets of the functions in XLA's table, and the version of the interface; no offsets if it is not known."""
+    if not HEADER.exists():
+        return {}, (0, 0)
     text = HEADER.read_text()
     names = re.findall(r"^  _XLA_FFI_API_STRUCT_FIELD\((\w+)\);", text, re.M)
     major, minor = (int(re.findall(rf"#define XLA_FFI_API_{part} (\d+)", text)[0]) for part in ("MAJOR", "MINOR"))

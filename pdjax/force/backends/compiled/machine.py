@@ -9,13 +9,15 @@ import jax
 from llvmlite import binding, ir
 
 _ENGINES: dict[str, binding.ExecutionEngine] = {}  # they own the machine code, so they live as long as the process
-
-_LOCK = threading.Lock()  # two threads may register the same module at the same time
+_ALONE = threading.Lock()  # two threads may trace the same program
 
 
 @functools.cache
 def target() -> tuple[binding.TargetMachine, int]:
-    """The processor of this machine, and how many numbers of 64 bits one of its vectors holds."""
+    """The processor of this machine, and how many numbers of 64 bits the loops treat at once.
+
+    These fill two vectors of AVX-512, or one of any other kind.
+    """
     binding.initialize_native_target()
     binding.initialize_native_asmprinter()
     features = binding.get_host_cpu_features()
@@ -47,7 +49,7 @@ def register(module: ir.Module) -> str:
     """
     text = str(module)
     name = "pdjax_" + hashlib.sha256(text.encode()).hexdigest()[:32]
-    with _LOCK:
+    with _ALONE:
         if name not in _ENGINES:
             capsule = ctypes.pythonapi.PyCapsule_New
             capsule.restype, capsule.argtypes = ctypes.py_object, [ctypes.c_void_p, ctypes.c_char_p, ctypes.c_void_p]

@@ -214,13 +214,37 @@ class ModelPairs:
             return states(self.single, self.varying.model, own, self.dim, self.dtype, sums, self.horizon)
         return structure, shapes, self._at_points(program, reference, deformed)
 
+    def bond_energy_program(self) -> PairProgram:
+        """The part of W that belongs to a bond, from the sums of its end, which come behind u."""
+        kinds = [sizes_of_moments(self.single, k, self.dim, self.dtype) for k in (0, 1)]
+        a, b = (sum(int(np.prod(s)) for s in shapes) for _, shapes in kinds)
+
+        def of(constants, reference, deformed, bond):
+            sums = Sums(reference, deformed, bond.horizon, self.dim)
+            return self._model(*constants).energy_of_bond(sums, bond)
+
+        def function(near, far, *pair):
+            out = []
+            for end, (constants, bond) in zip((near, far), self._ends(near, far, *pair), strict=True):
+                own = end[self.dim : self.dim + a], end[self.dim + a : self.dim + a + b]
+                sums = (trees(*kind, x) for kind, x in zip(kinds, own, strict=True))
+                out.append(entries(by_components(of, self.dtype)(constants, *sums, bond)))
+            return tuple(out)
+
+        return self._known("bond energy", lambda: self._program(function, self.dim + a + b + len(self.rows)))
+
     def energies(self, reference: list[Array], u: Float[Array, "points dim"]) -> Float[Array, " points"] | None:
-        """W of every point, or None if it is not a function of the sums."""
-        program, *_ = self._of_sums("energy_of_sums")
-        if not program.outs or program.unserved:
+        """W of every point, or None if the model defines no `energy_of_sums` and no `energy_of_bond`."""
+        of_sums, of_bond = self._of_sums("energy_of_sums")[0], self.bond_energy_program()
+        if not (of_sums.outs or of_bond.outs) or of_sums.unserved or of_bond.unserved:
             return None
-        deformed = self.moments(1, list(self.layout.embed(u.astype(self.dtype))))
-        return self.layout.collect(self._at_points(program, reference, deformed))[:, 0]
+        U = list(self.layout.embed(u.astype(self.dtype)))
+        deformed, found = self.moments(1, U), []
+        if of_sums.outs:
+            found += self._at_points(of_sums, reference, deformed)
+        if of_bond.outs:
+            found += self._sum(of_bond, [*U, *reference, *deformed])
+        return jnp.sum(self.layout.collect(found), axis=1)
 
     def force(self, reference: list[Array], u: Float[Array, "points dim"]) -> Float[Array, "points dim"]:
         """f of every point."""
