@@ -165,7 +165,7 @@ class ForceOperator(eqx.Module):
         traced = inside_jit()
         if traced and is_concrete(backend):
             backend = _hidden(backend)
-        if backend.quick and not traced and is_concrete(self.model, backend, u):
+        if backend.quick and not traced and is_concrete(self.model, backend, u, F):
             return _evaluate_quickly(backend, self.model, u, F)
         return _evaluate(backend, self.model, u, F)
 

@@ -299,6 +299,8 @@ def _fans(jaxpr: Any) -> dict:
         if not isinstance(v, core.Literal):
             fans[v] = fans.get(v, 0.0) + 1
     for eqn in reversed(jaxpr.eqns):
+        if not eqn.outvars:  # it prints, for example
+            continue
         name, out = eqn.primitive.name, eqn.outvars[0]
         moves = name in _MOVES or name in _MOVES_MANY
         for v in eqn.invars:

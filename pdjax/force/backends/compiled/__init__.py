@@ -105,6 +105,10 @@ def _unserved(model: AbstractModel, families: Families) -> str | None:
     from .layouts import Blank
     from .model_pairs import ModelPairs
 
+    leaves = jax.tree.leaves(eqx.filter(model, eqx.is_array))
+    kinds = [x.dtype for x in leaves if not jnp.issubdtype(x.dtype, jnp.floating)]
+    if kinds:
+        return f"{type(model).__name__} has constants of the type {kinds[0]}, and it computes with real numbers only"
     why: list[str | None] = []
 
     def trace(model: AbstractModel) -> None:

@@ -4,19 +4,36 @@
 that the program treats as many bonds at once as the vectors of the processor have lanes.
 """
 
+import functools
 import math
 from collections.abc import Callable
 from typing import Any
 
+import jax
 import numpy as np
 from jax.extend import core
 from llvmlite import ir
+
+from ....models import kinematics
 
 DOUBLE, LONG, BIT = ir.DoubleType(), ir.IntType(64), ir.IntType(1)
 FAST = ("contract", "nsz")  # a product and a sum may become one instruction, and 0 needs no sign
 TAYLOR = [1 / math.factorial(k) for k in range(14)]  # of exp; for |x| ≤ log(2)/2 the next term is 4e-18
 SMALL = 0.06  # below it 9 terms of exp (the next is 3e-17) and 5 of artanh (7e-17) are enough
-INLINED = {"jit", "pjit", "closed_call", "core_call", "custom_jvp_call", "custom_vjp_call", "remat2", "checkpoint"}
+# Without custom_vjp_call: it has no forward derivative, and the derivatives of a sum over pairs begin with that one.
+INLINED = {"jit", "pjit", "closed_call", "core_call", "custom_jvp_call", "remat2", "checkpoint"}
+# Operations that also take numbers of whole type: `kinematics.log1p` reads the bits of a number.
+ON_BITS = {
+    "shift_right_logical",
+    "and",
+    "or",
+    "xor",
+    "not",
+    "bitcast_convert_type",
+    "select_n",
+    "stop_gradient",
+    "copy",
+}
 COMPARED = {"eq": "==", "ne": "!=", "lt": "<", "le": "<=", "gt": ">", "ge": ">="}
 
 
@@ -151,6 +168,23 @@ class Lanes:
         found = b.select(b.fcmp_ordered("<", x, self.constant(0)), self.constant(math.nan), found)
         return b.select(b.fcmp_ordered("==", x, self.constant(0)), self.constant(-math.inf), found)
 
+    def pow(self, x: ir.Value, y: ir.Value) -> ir.Value:
+        """x^y = exp(y log|x|), with the sign (−1)^y for x < 0 and a whole y. NaN for x < 0 and any other y."""
+        b, zero, one = self.builder, self.constant(0), self.constant(1)
+        size = self.call("fabs", x)
+        found = b.select(b.fcmp_ordered("==", size, one), one, self.exp(self.mul(y, self.log(size))))
+        half = self.mul(y, self.constant(0.5))
+        odd = b.fcmp_ordered("!=", self.call("rint", half), half)
+        whole = b.fcmp_ordered("==", self.call("rint", y), y)
+        negative = b.select(whole, b.select(odd, b.fneg(found), found), self.constant(math.nan))
+        found = b.select(b.fcmp_ordered("<", x, zero), negative, found)
+        return b.select(b.fcmp_ordered("==", y, zero), one, found)
+
+    def sign(self, x: ir.Value) -> ir.Value:
+        """−1, 0 or 1; NaN for NaN."""
+        unit = self.call("copysign", self.constant(1), x)
+        return self.builder.select(self.builder.fcmp_ordered("!=", x, self.constant(0)), unit, x)
+
     def log1p(self, x: ir.Value, far: Callable) -> ir.Value:
         """log(1 + x) = 2 artanh t with t = x/(2 + x), or far() if |x| is not small."""
 
@@ -199,7 +233,8 @@ INSTRUCTIONS: dict[str, Callable] = {
     "min": lambda v, a, b, **_: v.call("minimum", a, b),
     "exp": lambda v, a, **_: v.exp(a),
     "log": lambda v, a, **_: v.log(a),
-    "pow": lambda v, a, b, **_: v.exp(v.mul(b, v.log(a))),
+    "sign": lambda v, a, **_: v.sign(a),
+    "pow": lambda v, a, b, **_: v.pow(a, b),
     "square": lambda v, a, **_: v.mul(a, a),
     "integer_pow": lambda v, a, y, **_: v.power(a, y),
     "select_n": lambda v, *cases, **_: _select(v, *cases),
@@ -208,6 +243,7 @@ INSTRUCTIONS: dict[str, Callable] = {
     "shift_right_logical": lambda v, a, b, **_: v.builder.lshr(a, b),
     "and": lambda v, a, b, **_: v.builder.and_(a, b),
     "or": lambda v, a, b, **_: v.builder.or_(a, b),
+    "xor": lambda v, a, b, **_: v.builder.xor(a, b),
     "not": lambda v, a, **_: v.builder.not_(a),
     "stop_gradient": lambda v, a, **_: a,
     "copy": lambda v, a, **_: a,
@@ -222,9 +258,15 @@ def _inner(eqn: core.JaxprEqn) -> core.ClosedJaxpr | None:
     return inner if isinstance(inner, core.ClosedJaxpr) else core.ClosedJaxpr(inner, ())
 
 
+@functools.cache
+def _log1p_printed() -> str:
+    (eqn,) = jax.make_jaxpr(kinematics.log1p)(jax.ShapeDtypeStruct((), np.dtype(np.float64))).eqns
+    return str(eqn.params["call_jaxpr"])
+
+
 def _is_log1p(eqn: core.JaxprEqn) -> bool:
-    """Whether this is a call of `models.kinematics.log1p`, whose derivative is defined apart."""
-    return eqn.primitive.name == "custom_jvp_call" and eqn.params["call_jaxpr"].jaxpr.debug_info.func_name == "log1p"
+    """Whether this is a call of `models.kinematics.log1p`. A user's function may have the same name."""
+    return eqn.primitive.name == "custom_jvp_call" and str(eqn.params["call_jaxpr"]) == _log1p_printed()
 
 
 def _read(lanes: Lanes, known: dict, v: Any) -> ir.Value:
@@ -252,6 +294,8 @@ def _run(lanes: Lanes, eqns: list[core.JaxprEqn], known: dict, reciprocals: dict
         elif name == "div" and not isinstance(eqn.invars[1], core.Literal) and eqn.invars[1] in reciprocals:
             results = [lanes.mul(given[0], reciprocals[eqn.invars[1]])]
         elif name in INSTRUCTIONS and _is_scalar(eqn):
+            if name not in ON_BITS and any(x.type.element == LONG for x in given):
+                raise NotVectorised(f"the operation {name} of whole numbers")
             results = [INSTRUCTIONS[name](lanes, *given, **eqn.params)]
         else:
             raise NotVectorised(f"the operation {name}")

@@ -14,7 +14,10 @@ _ALONE = threading.Lock()  # two threads may trace the same program
 
 @functools.cache
 def target() -> tuple[binding.TargetMachine, int]:
-    """The processor of this machine, and how many numbers of 64 bits one of its vectors holds."""
+    """The processor of this machine, and how many numbers of 64 bits the loops treat at once.
+
+    These fill two vectors of AVX-512, or one of any other kind.
+    """
     binding.initialize_native_target()
     binding.initialize_native_asmprinter()
     features = binding.get_host_cpu_features()

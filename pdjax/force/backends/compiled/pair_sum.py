@@ -10,6 +10,7 @@ from typing import Any
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax.extend import core
 from jax.interpreters import ad, batching, mlir
 from jaxtyping import Array, Float
@@ -41,12 +42,20 @@ def _split(program: PairProgram, operands: tuple) -> tuple[list, list, list]:
 
 @primitive.def_abstract_eval
 def _shapes(*operands, program, kind):
+    rows, numbers, _ = _split(program, operands)
+    other = [x.dtype for x in (*rows, *numbers) if x.dtype != np.float64]
+    if other:  # the loops would write beyond the arrays
+        raise ValueError(
+            f"way='compiled' computes in float64 only; got {other[0]}. The operator was prepared in float64: call it"
+            " with jax_enable_x64 switched on, or prepare it where it is called"
+        )
     return [operands[0]] * program.outs if program.rows else []
 
 
 @primitive.def_impl
 def _evaluate(*operands, program, kind):
-    return jax.jit(functools.partial(primitive.bind, program=program, kind=kind))(*operands)
+    with jax.disable_jit(False):  # the sum exists in compiled form only
+        return jax.jit(functools.partial(primitive.bind, program=program, kind=kind))(*operands)
 
 
 def _derivative(operands: tuple, changes: tuple, *, program: PairProgram, kind: str) -> tuple[list, list]:
@@ -54,8 +63,8 @@ def _derivative(operands: tuple, changes: tuple, *, program: PairProgram, kind: 
     d_rows, d_numbers, d_geometry = _split(program, changes)
     if any(type(x) is not ad.Zero for x in d_geometry):
         raise NotImplementedError(
-            "way='compiled' has no derivatives in the geometry of a body (positions, volumes, weights); prepare the"
-            " operator with way='slices' or way='families'"
+            "way='compiled' has no derivatives in the geometry of a body (positions, volumes, weights). Differentiate"
+            " in u, F or the model alone, or prepare the operator with way='slices' or way='families'"
         )
     out = pair_sum(program, kind, geometry, rows, numbers)
     some = tuple(k for k, x in enumerate(d_rows) if type(x) is not ad.Zero)
