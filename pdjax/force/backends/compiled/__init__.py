@@ -152,8 +152,9 @@ def prepare(model: AbstractModel, families: Families) -> Backend:
 
     kind = CloudBonds if lattice_refusal(model, families) else LatticePairs
     layout = remember(families, ("layout", kind.kind), lambda: kind.of(families))
-    horizon = jnp.asarray(families.horizon)
-    horizon = layout.embed(horizon[:, None])[0] if horizon.ndim else horizon
+    with jax.ensure_compile_time_eval():  # the reference sums are kept, so they must not depend on a user's trace
+        horizon = jnp.asarray(families.horizon)
+        horizon = layout.embed(horizon[:, None])[0] if horizon.ndim else horizon
     assert isinstance(model, PointStateModel)
     points, dim = len(families), families.dim
     part = known_part(families, "reference", lambda m: reference_moments(m, points, dim), model)
