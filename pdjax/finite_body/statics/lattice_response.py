@@ -24,7 +24,6 @@ deformation. It comes from one point: a body of very different stiffnesses gains
 from collections.abc import Callable
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float, Int
@@ -45,7 +44,7 @@ class LatticeResponse(eqx.Module):
     box: tuple[int, ...] = eqx.field(static=True)
 
     @eqx.filter_jit
-    def __call__(self, b: Float[Array, " unknowns"]) -> Float[Array, " unknowns"]:
+    def __call__(self, b: Float[Array | np.ndarray, " unknowns"]) -> Float[Array, " unknowns"]:
         shape, axes = (*self.box, self.inverse.shape[-1]), tuple(range(len(self.box)))
         field = jnp.zeros(int(np.prod(shape)), b.dtype).at[self.places].set(b, unique_indices=True).reshape(shape)
         waves = jnp.fft.rfftn(field, axes=axes)

@@ -26,15 +26,15 @@ from ..scene import Scene
 from .lattice_response import LatticeResponse, lattice_response
 from .result import SolveEnding
 
-# (scene, q, load factor) ↦ (b ↦ A⁻¹ b)
-LinearSolver = Callable[[Scene, np.ndarray, float], Callable[[np.ndarray], np.ndarray]]
+# (scene, q, load factor, enough) ↦ (b ↦ A⁻¹ b); ‖A x − b‖ ≤ enough · ‖b‖ is as good as exact for the caller
+LinearSolver = Callable[[Scene, np.ndarray, float, float], Callable[[np.ndarray], np.ndarray]]
 
 HALVINGS = 25
 RESTART = 120  # Krylov vectors that GMRES keeps: 120 × unknowns numbers
 LINEAR_TOLERANCE = 1e-5  # inexact Newton: an iteration can still reduce the residual by a factor of 10⁵
 
 
-def direct(scene: Scene, q: np.ndarray, factor: float) -> Callable[[np.ndarray], np.ndarray]:
+def direct(scene: Scene, q: np.ndarray, factor: float, enough: float = 0.0) -> Callable[[np.ndarray], np.ndarray]:
     """b ↦ A⁻¹ b by a sparse matrix factorisation of the exact A."""
     A = matrix(scene, scene.displacement(q, factor), factor)
     return Factor(A, symmetric=scene.model.hyperelastic).solve
@@ -42,7 +42,7 @@ def direct(scene: Scene, q: np.ndarray, factor: float) -> Callable[[np.ndarray],
 
 @eqx.filter_jit
 def _gmres(scene: Scene, q, factor, b, tolerance, nearly: LatticeResponse | None) -> Array:
-    """A x = b by GMRES with the preconditioner on the right, A M⁻¹ y = b and x = M⁻¹ y, so that it sees true residuals."""
+    """A x = b by GMRES. The preconditioner is on the right, A M⁻¹ y = b and x = M⁻¹ y, which keeps the residual."""
 
     def moved(y):
         return y if nearly is None else nearly(y)
@@ -57,7 +57,7 @@ class _Close(Exception):
     """Raised out of the loop of MINRES when the residual is small enough."""
 
 
-def _minres(A, b: np.ndarray, nearly, tolerance: float) -> np.ndarray:
+def _minres(A, b: np.ndarray, inverse, tolerance: float) -> np.ndarray:
     """A x = b by MINRES until ‖A x − b‖ ≤ tolerance ‖b‖.
 
     SciPy stops at ‖A x − b‖ ≤ rtol ‖A‖ ‖x‖ in the norm of the preconditioner, which says little about ‖A x − b‖. The
@@ -77,7 +77,7 @@ def _minres(A, b: np.ndarray, nearly, tolerance: float) -> np.ndarray:
                 raise _Close
 
     try:
-        return sla.minres(A, b, M=nearly, rtol=1e-14, maxiter=20 * len(b), callback=watch)[0]
+        return sla.minres(A, b, M=inverse, rtol=1e-14, maxiter=20 * len(b), callback=watch)[0]
     except _Close:
         return latest
 
@@ -88,14 +88,15 @@ class Krylov:
     The preconditioner is made once, from the first A, and serves for all loads.
     """
 
-    def __init__(self, tolerance: float = LINEAR_TOLERANCE) -> None:
-        self.tolerance = tolerance
-        self.products = 0  # for tests and benchmarks
+    def __init__(self) -> None:
+        self.products = 0  # products of MINRES, its checks and the preconditioner, for tests and benchmarks
         self._nearly: list[LatticeResponse | None] = []
 
-    def __call__(self, scene: Scene, q: np.ndarray, factor: float) -> Callable[[np.ndarray], np.ndarray]:
+    def __call__(
+        self, scene: Scene, q: np.ndarray, factor: float, enough: float = LINEAR_TOLERANCE
+    ) -> Callable[[np.ndarray], np.ndarray]:
         """The solver for A at q."""
-        ready = scene.prepared()
+        ready, tolerance = scene.prepared(), float(np.clip(enough, LINEAR_TOLERANCE, 0.1))
 
         def along(v):
             self.products += 1
@@ -108,11 +109,11 @@ class Krylov:
         def solve(b):
             size = np.linalg.norm(b)
             if scene.model.hyperelastic:
-                inverse = None if nearly is None else as_operator(nearly, q.shape[0])
-                x = _minres(apply, np.asarray(b / size, float), inverse, self.tolerance)
+                inverse = None if nearly is None else as_operator(lambda r: nearly(r), q.shape[0])
+                x = _minres(apply, np.asarray(b / size, float), inverse, tolerance)
             else:
-                load_factor, tolerance = (np.asarray(x, q.dtype) for x in (factor, self.tolerance))
-                x = np.asarray(_gmres(ready, q, load_factor, np.asarray(b / size, q.dtype), tolerance, nearly))
+                load_factor, least = (np.asarray(x, q.dtype) for x in (factor, tolerance))
+                x = np.asarray(_gmres(ready, q, load_factor, np.asarray(b / size, q.dtype), least, nearly))
             left = float(np.linalg.norm(apply @ x - b / size))
             if not left < 0.5:
                 raise Singular(f"the Krylov solver left {left:.1e} of the right-hand side")
@@ -156,7 +157,7 @@ def newton(
         if history[-1] <= tolerance:
             return q, SolveEnding.CONVERGED, history
         try:
-            step = -solver(scene, q, factor)(r)
+            step = -solver(scene, q, factor, 0.3 * tolerance / left)(r)
         except Singular:
             return q, SolveEnding.SINGULAR, history
         length = 1.0

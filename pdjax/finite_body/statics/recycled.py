@@ -44,7 +44,9 @@ class Recycled:
         self.factorisations += 1
         return self._factor
 
-    def __call__(self, scene: Scene, q: np.ndarray, factor: float) -> Callable[[np.ndarray], np.ndarray]:
+    def __call__(
+        self, scene: Scene, q: np.ndarray, factor: float, enough: float = 0.0
+    ) -> Callable[[np.ndarray], np.ndarray]:
         """The solver for A at q. `newton` takes it as its argument `solver`."""
         if self._factor is None:
             return self._fresh(scene, q, factor).solve

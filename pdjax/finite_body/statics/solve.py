@@ -61,7 +61,7 @@ def _predict(scene: Scene, linear: LinearSolver, q: np.ndarray, factor: float, s
     try:
         r, _ = residual_and_scale(scene, q, factor)
         b = np.asarray(r) + step * np.asarray(load_rate(scene, q, factor))
-        return (q - linear(scene, q, factor)(b)).astype(q.dtype) if np.any(b) else q
+        return (q - linear(scene, q, factor, 0.0)(b)).astype(q.dtype) if np.any(b) else q
     except Singular:
         return q
 
