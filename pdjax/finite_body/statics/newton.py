@@ -21,7 +21,8 @@ import lineax as lx
 import numpy as np
 from jaxtyping import Array
 
-from ..factorisation import Factor, Singular, as_operator, matrix, product, relative, residual_and_scale
+from ..direct_solver import factorised
+from ..factorisation import Singular, as_operator, matrix, product, relative, residual_and_scale
 from ..scene import Scene
 from .lattice_response import LatticeResponse, lattice_response
 from .result import SolveEnding
@@ -37,7 +38,7 @@ LINEAR_TOLERANCE = 1e-5  # inexact Newton: an iteration can still reduce the res
 def direct(scene: Scene, q: np.ndarray, factor: float, enough: float = 0.0) -> Callable[[np.ndarray], np.ndarray]:
     """b ↦ A⁻¹ b by a sparse matrix factorisation of the exact A."""
     A = matrix(scene, scene.displacement(q, factor), factor)
-    return Factor(A, symmetric=scene.model.hyperelastic).solve
+    return factorised(A, scene.model.hyperelastic).solve
 
 
 @eqx.filter_jit
