@@ -71,7 +71,7 @@ def test_newton_krylov_equals_the_direct_solver(name):
     scene = SCENES[name]()
     direct, krylov = (pd.solve(scene, method, stability=False) for method in ("newton", "newton_krylov"))
     assert direct.converged and krylov.converged and krylov.iterations <= direct.iterations + 1
-    assert worst(krylov.u, direct.u) / worst(direct.u) < 1e-8  # measured 4e-10 (bar), 1e-11 (others)
+    assert worst(krylov.u, direct.u) / worst(direct.u) < 1e-8  # measured 2e-10 (periodic), 2e-11 (others)
 
 
 def test_newton_krylov_finds_a_saddle():
@@ -79,7 +79,7 @@ def test_newton_krylov_finds_a_saddle():
     found = pd.solve(step_size_bar(100, 3, -1e-3), "newton_krylov", predictor="tangent")
     assert found.converged and found.kind == "saddle" and found.stability.positive == 3
     form = step_size_bar(100, 3, -1e-3).closed_form
-    assert worst(found.u, form) / worst(form) < 1e-9  # measured 1e-13
+    assert worst(found.u, form) / worst(form) < 1e-9  # measured 8e-11
 
 
 def products(scene, preconditioned=True) -> int:
@@ -96,10 +96,10 @@ def test_the_number_of_products_grows_slowly_with_the_body():
     model = pd.LPS(1.0, 1.0)
     plates = [pulled((n, n // 2), 2, model) for n in (16, 32, 64)]
     few, many = [products(p) for p in plates], [products(p, False) for p in plates]
-    assert many[2] > 1.6 * many[1] > 2.5 * many[0]  # measured 31, 59, 115
-    assert few[2] < 1.4 * few[0] and few[2] < many[2] / 3  # measured 22, 27, 27
+    assert many[2] > 1.6 * many[1] > 2.5 * many[0]  # measured 33, 63, 126
+    assert few[2] < 1.4 * few[0] and few[2] < many[2] / 3  # measured 30, 30, 35
     bars = [pulled((n,), 3, pd.BondBased(1.0)) for n in (100, 800)]
-    assert max(map(products, bars)) <= 12  # measured 9, 9; 451 without it
+    assert max(map(products, bars)) <= 12  # measured 9, 9; 410 without it for the longer one
 
 
 def dense(scene):
@@ -117,7 +117,7 @@ def test_the_preconditioner_is_symmetric_and_positive_definite(model):
     _, inverse = dense(pulled((9, 4), 2, model))
     assert worst(inverse, inverse.T) / worst(inverse) < 1e-13  # measured 2e-16
     values = np.linalg.eigvalsh(inverse)
-    assert values.min() > 1e-3 * values.max()  # measured 6e-3 and more
+    assert values.min() > 1e-3 * values.max()  # measured 3e-2 and more
 
 
 def test_the_preconditioner_is_the_inverse_for_a_homogeneous_periodic_body():
@@ -126,7 +126,7 @@ def test_the_preconditioner_is_the_inverse_for_a_homogeneous_periodic_body():
     scene = pd.scene(body, pd.families(body, 2.1), pd.LPS(1.0, 1.0), pd.prescribe(0))
     A, inverse = dense(scene)
     size = np.linalg.svd(A @ inverse + np.eye(len(A)), compute_uv=False)
-    assert (size > 1e-10).sum() <= 4 and size[4] < 1e-12  # measured 4e-15
+    assert (size > 1e-10).sum() <= 4 and size[4] < 1e-12  # measured 2e-15
 
 
 def test_clouds_and_scenes_without_a_free_point_have_no_preconditioner():
