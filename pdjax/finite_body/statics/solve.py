@@ -141,8 +141,9 @@ def solve(
     scene : Scene
         The boundary value problem.
     method : str, optional
-        "newton" (exact sparse Jacobian and line search), "newton_krylov" (matrix-free), "trust_region" (dogleg of
-        optimistix with a dense Jacobian; runs under jit and vmap) or "relaxation" (adaptive dynamic relaxation).
+        "newton" (exact sparse Jacobian and line search), "newton_krylov" (Newton's method with products A v instead of
+        a matrix, preconditioned on a lattice), "trust_region" (dogleg of optimistix with a dense Jacobian; runs under
+        jit and vmap) or "relaxation" (adaptive dynamic relaxation).
     start : array, shape (points, dim), optional
         Displacements [length] at which the iteration starts; only free components are used. The default is zero.
     step : float, optional
@@ -175,6 +176,11 @@ def solve(
         If an argument is wrong, or a method other than "trust_region" is traced by jit or vmap.
     RuntimeError
         If `throw` is True and the solver did not converge; the message gives the reason.
+
+    Notes
+    -----
+    For bodies in 3D of more than some thousand unknowns use "newton_krylov" with `stability=False`: the derivatives and
+    the stability factorise the Jacobian. `use_direct_solver` chooses the solver for the factorisations.
 
     Examples
     --------
