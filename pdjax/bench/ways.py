@@ -19,8 +19,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from ..force.backends import compiled
 from ..force.backends.fft import Convolution
-from ..force.operator import ForceOperator, force_density, force_operator, ways_of
+from ..force.operator import BACKENDS, ForceOperator, force_density, force_operator, ways_of
 from ..geometry import neighbour_search
 from ..geometry.bonds import Families
 from ..geometry.points import lattice
@@ -90,8 +91,8 @@ def plan(quick: bool) -> Iterator[Task]:
     wanted = [(n, h) for h in horizons] + [(size, 3.015) for size in sizes]
     for model in MODELS:
         for size, horizon in wanted:
-            for way in ("families", "slices", "fft"):
-                if way == "fft" and not MODELS[model].degree:
+            for way in BACKENDS:
+                if (way == "fft" and not MODELS[model].degree) or (way == "compiled" and compiled.unavailable()):
                     continue
                 if way == "families" and size**3 * 4.2 * horizon**3 >= BONDS:
                     continue
@@ -109,7 +110,7 @@ def draw(rows: list[dict]):
     left, right = figure.subplots(1, 2)
     sizes = sorted({row["n"] for row in rows})
     common = max(sizes, key=lambda n: len({row["horizon"] for row in rows if row["n"] == n}))
-    styles = {"families": ":", "slices": "-", "fft": "--"}
+    styles = {"families": ":", "slices": "-", "fft": "--", "compiled": "-."}
     for k, model in enumerate(MODELS):
         for way, style in styles.items():
             mine = [row for row in rows if row["model"] == model and row["method"] == way]
@@ -128,4 +129,4 @@ def draw(rows: list[dict]):
     return figure
 
 
-CASE = Case("Force evaluation: families, slices and FFT, over the horizon and up to 10⁶ points", plan, draw)
+CASE = Case("Force evaluation: families, slices, FFT, compiled loops, over the horizon and to 10⁶ points", plan, draw)

@@ -2,7 +2,7 @@
 
     f_i = Σ_j [T_ij − T_ji] V_j  [force/length^dim]
 
-Three backends compute the same f. The public argument `way` names one of them; "auto" takes the fastest by measurement.
+Four backends compute the same f. The public argument `way` names one of them; "auto" takes the fastest by measurement.
 
     "families"   Padded neighbour arrays of any cloud. In small bodies all bonds are evaluated at once, which compiles
                  faster. In larger bodies a model made of moments is evaluated slot by slot, so that memory grows with
@@ -10,6 +10,8 @@ Three backends compute the same f. The public argument `way` names one of them; 
     "slices"     A lattice without index arrays: the neighbours of all points at one offset are one slice of an array.
     "fft"        A lattice by convolutions, for models whose moments and bond force are polynomials of degree 1 or 2 in
                  the displacement. The cost does not grow with the horizon.
+    "compiled"   Any lattice or cloud on a CPU, by loops that LLVM compiles from the formulas of models of moments.
+                 It needs the package llvmlite.
 
 Some data depend on the reference configuration alone: shape tensors, sums over the undeformed family, transforms of
 kernels. They are computed once for each families object and for each set of the model constants that they depend on.
@@ -40,41 +42,49 @@ from .._internal.xla import QUICK, compiled_with
 from ..geometry.bonds import Families
 from ..models.base import AbstractModel
 from ..models.promises import check_promises
-from .backends import fft, padded, slices
+from .backends import compiled, fft, padded, slices
 from .backends.backend import Backend, BackendModule
 from .fields import check_model, point_field
 
-BACKENDS: dict[str, BackendModule] = {"families": padded, "slices": slices, "fft": fft}
+BACKENDS: dict[str, BackendModule] = {"families": padded, "slices": slices, "fft": fft, "compiled": compiled}
 WAYS = ("auto", *BACKENDS)
 HUGE = 3.0  # a body that moves apart by more than this many times its size has probably a wrong u
-MANY = 100  # offsets from which "fft" of degree 1 is faster than "slices" (3D, N = 3 has 122; `pdjax bench ways`)
+FASTEST = ("compiled", "slices", "families", "fft")  # "auto" takes the first that can
+# Offsets from which "fft" of degree 1 is faster than "slices" and than "compiled" (3D: N = 3 has 122, N = 4 has 256).
+MANY = {False: 100, True: 250}
 
 
 def ways_of(model: AbstractModel, families: Families) -> tuple[str, ...]:
-    """The backends that can evaluate this model on these families, out of "families", "slices" and "fft"."""
+    """The backends that can evaluate this model on these families: some of `BACKENDS`."""
     return tuple(way for way, backend in BACKENDS.items() if backend.refusal(model, families) is None)
 
 
+def _refusal(model: AbstractModel, families: Families, way: str, mean: bool) -> str | None:
+    """Why a backend cannot evaluate this model and body, or None if it can."""
+    return "it takes no mean deformation F" if mean and way == "fft" else BACKENDS[way].refusal(model, families)
+
+
 def _choose(model: AbstractModel, families: Families, way: str, mean: bool) -> str:
-    able = tuple(w for w in ways_of(model, families) if not (mean and w == "fft"))
-    if way != "auto":
-        if way not in able:
-            why = BACKENDS[way].refusal(model, families) or "it takes no mean deformation F"
-            raise ValueError(
-                f"way={way!r} cannot evaluate this model on these families: {why}; backends that can:"
-                f" {', '.join(map(repr, able)) or 'none'}"
-            )
-        return way
-    if not able:
-        raise ValueError(
-            f"{type(model).__name__} needs families with arrays, but these were made with arrays=False; make them with"
-            " arrays=True"
-        )
-    if padded.is_small(families):
+    if way == "auto" and padded.is_small(families):
         return "families"
-    if "fft" in able and model.degree == 1 and families.grid is not None and len(families.grid.offsets) >= MANY:
-        return "fft"
-    return "slices" if "slices" in able else "families"
+    if way == "auto":
+        able = [w for w in FASTEST if _refusal(model, families, w, mean) is None]
+        if not able:
+            raise ValueError(
+                f"{type(model).__name__} needs families with arrays, but these were made with arrays=False; make them"
+                " with arrays=True"
+            )
+        many = MANY[able[0] == "compiled"]
+        use_fft = "fft" in able and model.degree == 1 and len(families.grid.offsets) >= many  # type: ignore[union-attr]
+        return "fft" if use_fft else able[0]
+    why = _refusal(model, families, way, mean)
+    if why:
+        able = [w for w in BACKENDS if _refusal(model, families, w, mean) is None]
+        raise ValueError(
+            f"way={way!r} cannot evaluate this model on these families: {why}; backends that can:"
+            f" {', '.join(map(repr, able)) or 'none'}"
+        )
+    return way
 
 
 class ForceOperator(eqx.Module):
@@ -91,7 +101,7 @@ class ForceOperator(eqx.Module):
     backend : Backend
         The prepared backend.
     way : str
-        Name of the backend: "families", "slices" or "fft".
+        Name of the backend: "families", "slices", "fft" or "compiled".
 
     Notes
     -----
@@ -155,9 +165,15 @@ class ForceOperator(eqx.Module):
         traced = inside_jit()
         if traced and is_concrete(backend):
             backend = _hidden(backend)
-        if backend.quick and not traced and is_concrete(self.model, backend, u):
+        if backend.quick and not traced and is_concrete(self.model, backend, u, F):
             return _evaluate_quickly(backend, self.model, u, F)
         return _evaluate(backend, self.model, u, F)
+
+
+def fast_energies(operator: ForceOperator, u: Array, F: Array | None) -> Float[Array, " points"] | None:
+    """W of every point [energy/length^dim] for loops that have a prepared operator, or None if its backend has no fast
+    way. It is not jitted, so that jitted functions can trace it."""
+    return operator.backend.energy(operator.model, u, F)
 
 
 def _hidden(backend: Backend) -> Backend:
@@ -187,8 +203,9 @@ def _backend(model: AbstractModel, families: Families, way: str) -> Backend:
 def _prepared(model: AbstractModel, families: Families, way: str, mean: bool) -> tuple[AbstractModel, Backend, str]:
     """Check the arguments, and return the model for the forces, the prepared backend and its name."""
     check_model(model, families, Families)
-    way = _choose(model, families, way, mean)
-    return model.specialised(), _backend(model, families, way), way
+    ready = model.specialised()
+    way = _choose(ready, families, way, mean)
+    return ready, _backend(model, families, way), way
 
 
 @public_function
@@ -201,7 +218,7 @@ def force_operator(model: AbstractModel, families: Families, way: str = "auto", 
         The material model.
     families : Families
         Families of the body, from `families`.
-    way : {"auto", "families", "slices", "fft"}, optional
+    way : {"auto", "families", "slices", "fft", "compiled"}, optional
         Backend that computes the forces, as in `force_density`.
     mean : bool, optional
         True if the operator will be called with a mean deformation, `operator(u, F)`. Then "auto" does not choose
@@ -254,9 +271,10 @@ def force_density(model: AbstractModel, families: Families, u, F=None, way: str 
     F : array, shape (dim, dim), optional
         Homogeneous deformation gradient [-] under the displacement, x = F X + u. Default: the identity.
         A periodic body can be strained in no other way.
-    way : {"auto", "families", "slices", "fft"}, optional
-        Backend that computes the forces: padded neighbour arrays for any cloud, slices of a lattice, or convolutions on
-        a lattice. All give the same result to rounding. "auto" takes the fastest by measurement.
+    way : {"auto", "families", "slices", "fft", "compiled"}, optional
+        Backend that computes the forces: padded neighbour arrays for any cloud, slices of a lattice, convolutions on a
+        lattice, or compiled loops for any cloud or lattice on a CPU, which need `pip install "pdjax[compiled]"`. All
+        give the same result to rounding. "auto" takes the fastest of those that serve this model and body.
 
     Returns
     -------

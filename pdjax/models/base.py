@@ -289,6 +289,18 @@ class PointStateModel(AbstractModel):
         """A of a family from its sums."""
         raise NotImplementedError
 
+    def energy_of_sums(self, sums: Sums) -> Float[Array, ""] | None:
+        """The part of W [energy/length^dim] that is a function of the sums of the family, or None if there is none.
+
+        W is this part plus the sum of `energy_of_bond`. A model that defines neither has its energy recorded by
+        `energy`, which costs a run many times a force.
+        """
+        return None
+
+    def energy_of_bond(self, sums: Sums, bond: Bonds) -> Float[Array, ""] | None:
+        """The part of W [energy/length^dim] that belongs to one bond, given the sums of its family, or None."""
+        return None
+
     @property
     def by_moments(self) -> bool:
         """Whether the point state is made from sums over single bonds."""

@@ -34,7 +34,7 @@ from ..geometry.bonds import Bonds, Families, LatticeFamily
 from ..geometry.plane_sums import PlaneSums
 from .base import AbstractModel, PointStateModel, Sums
 from .control import micromodulus
-from .kinematics import bond_strain, power_over_square, stretch_minus_one
+from .kinematics import bond_strain, growth_and_stretch, power_over_square, stretch_minus_one
 from .plain_order import with_plain_order
 from .plane import bulk_and_shear, plane_bulk_modulus
 
@@ -239,9 +239,16 @@ class BondBased(PointStateModel):
         return True
 
     def energy(self, bonds: Bonds) -> Float[Array, ""]:
+        return jnp.sum(self._energies(bonds))
+
+    def _energies(self, bonds: Bonds) -> Float[Array, "*bonds"]:
+        """The parts of W that belong to single bonds."""
         xi, eta = bonds.xi, bonds.eta
         e = stretch_minus_one(xi, eta) if self.m is None else bond_strain(xi, eta, self.m)
-        return 0.25 * self.c * jnp.sum(bonds.omega * bonds.volume * jnp.linalg.norm(xi, axis=1) * e**2)
+        return 0.25 * self.c * (bonds.omega * bonds.volume * jnp.linalg.norm(xi, axis=-1) * e**2)
+
+    def energy_of_bond(self, sums: Sums, bond: Bonds) -> Float[Array, ""]:
+        return self._energies(bond)
 
     def extension_energies(self, sums: Callable[[int, int], np.ndarray]) -> np.ndarray:
         return sums(1, 4)  # the stretch of a bond is n_k²
@@ -260,8 +267,8 @@ class BondBased(PointStateModel):
     def bond_force(self, here: tuple[()], there: tuple[()], bond: Bonds) -> Float[Array, " dim"]:
         scale = 0.5 * self.c * bond.omega / jnp.sqrt(jnp.dot(bond.xi, bond.xi))
         if self.m is None:
-            e = stretch_minus_one(bond.xi, bond.eta)
-            return scale * e / (1 + e) * (bond.xi + bond.eta)
+            g, s = growth_and_stretch(bond.xi, bond.eta)
+            return scale * g / (1 + g + s) * (bond.xi + bond.eta)
         growth = bond_strain(bond.xi, bond.eta, self.m) * power_over_square(bond.xi, bond.eta, self.m)
         return scale * growth * (bond.xi + bond.eta)
 

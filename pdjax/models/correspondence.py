@@ -72,6 +72,9 @@ class Correspondence(WithLaw):
     def law_moments(self, bond: Bonds) -> tuple[Array, Array]:
         return gradient_moments(bond)
 
+    def law_energy_of_sums(self, sums: Sums) -> Float[Array, ""]:
+        return energy_of_gradient(self.law, gradient_of_moments(sums.reference, sums.deformed))
+
     def law_state(self, sums: Sums) -> Float[Array, "dim dim"]:
         P = stress_of_gradient(self.law, gradient_of_moments(sums.reference, sums.deformed))
         return solve_positive(sums.reference, P.T).T

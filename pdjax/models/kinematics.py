@@ -55,6 +55,9 @@ def log1p(g: Float[Array, "..."]) -> Float[Array, "..."]:
     With 1 + g = 2^k f, f in [1/√2, √2], d = f − 1 and t = d/(2 + d), the logarithm is k log 2 + 2 artanh t, and 11
     terms of the series of artanh are enough. The quotient t is written as a product with a reciprocal on purpose: XLA
     moves a plain division through the products that follow and then divides in each of them.
+
+    JAX forgets the derivative below in the reverse derivative of a loop (`jax.lax.scan`). A forward derivative of that
+    one then goes through the formulas here. So f is q times a constant power of 2, and not made from the bits of q.
     """
     if g.dtype != jnp.float64:
         return jnp.log1p(g)
@@ -62,10 +65,10 @@ def log1p(g: Float[Array, "..."]) -> Float[Array, "..."]:
     bits = jax.lax.bitcast_convert_type(q, jnp.uint64)
     exponent = jax.lax.shift_right_logical(bits, jnp.uint64(52)) | jnp.uint64(0x4330000000000000)
     k = jax.lax.bitcast_convert_type(exponent, jnp.float64) - (2.0**52 + 1023)  # 2^52 + n holds n in its last bits
-    mantissa = (bits & jnp.uint64(0xFFFFFFFFFFFFF)) | jnp.uint64(0x3FF0000000000000)
-    f = jax.lax.bitcast_convert_type(mantissa, jnp.float64)
-    upper = f > math.sqrt(2)
-    f, k = jnp.where(upper, 0.5 * f, f), jnp.where(upper, k + 1, k)
+    field = jnp.uint64(0x7FF0000000000000)  # of the exponent; with all its bits turned over it belongs to 2^(1 − k)
+    twice = q * jax.lax.bitcast_convert_type((bits & field) ^ field, jnp.float64)
+    upper = twice > 2 * math.sqrt(2)
+    f, k = twice * jnp.where(upper, 0.25, 0.5), jnp.where(upper, k + 1, k)
     d = jnp.where(k == 0, g, f - 1)  # for k = 0 use g itself, because 1 + g has lost its last digits
     t = d * (1 / (2 + d))
     square = t * t
@@ -118,10 +121,18 @@ def _growth(xi: Float[Array, "... dim"], eta: Float[Array, "... dim"]) -> Float[
     return jnp.sum((2 * xi + eta) * eta, axis=-1) / jnp.sum(xi * xi, axis=-1)
 
 
+def growth_and_stretch(
+    xi: Float[Array, "... dim"], eta: Float[Array, "... dim"]
+) -> tuple[Float[Array, "..."], Float[Array, "..."]]:
+    """g = s² − 1 and s [-]. With them s − 1 = g/(1 + s) and (s − 1)/s = g/(1 + g + s), without cancellation."""
+    g = _growth(xi, eta)
+    return g, jnp.sqrt(1 + g)
+
+
 def stretch_minus_one(xi: Float[Array, "... dim"], eta: Float[Array, "... dim"]) -> Float[Array, "..."]:
     """s − 1 = g/(1 + √(1 + g)) [-], without cancellation at small strain and without a logarithm."""
-    g = _growth(xi, eta)
-    return g / (1 + jnp.sqrt(1 + g))
+    g, s = growth_and_stretch(xi, eta)
+    return g / (1 + s)
 
 
 def seth_hill(ell: Float[Array, "..."], m) -> Float[Array, "..."]:

@@ -42,7 +42,7 @@ from .._internal.checks import as_real, check_positive
 from ..geometry.bonds import Bonds
 from ..geometry.plane_sums import PlaneSums
 from .base import PointStateModel, Sums
-from .kinematics import stretch_minus_one
+from .kinematics import growth_and_stretch, stretch_minus_one
 from .plane import bulk_and_shear, plane_bulk_modulus
 
 
@@ -170,6 +170,14 @@ class LPS(PointStateModel):
         square = bond.volume * jnp.dot(bond.xi, bond.xi)
         return bond.reference * square, bond.omega * square * stretch_minus_one(bond.xi, bond.eta)
 
+    def energy_of_sums(self, sums: Sums) -> Float[Array, ""]:
+        return 0.5 * self.bulk * (sums.dim * sums.deformed / sums.reference) ** 2
+
+    def energy_of_bond(self, sums: Sums, bond: Bonds) -> Float[Array, ""]:
+        dim, length = sums.dim, jnp.sqrt(jnp.dot(bond.xi, bond.xi))
+        deviation = length * (stretch_minus_one(bond.xi, bond.eta) - sums.deformed / sums.reference)
+        return 0.5 * dim * (dim + 2) * self.shear / sums.reference * bond.omega * bond.volume * deviation**2
+
     def state(self, sums: Sums) -> tuple[Array, Array]:
         dim, m_w = sums.dim, sums.reference
         theta, alpha = dim * sums.deformed / m_w, dim * (dim + 2) * self.shear / m_w
@@ -177,5 +185,5 @@ class LPS(PointStateModel):
 
     def bond_force(self, here: tuple[Array, Array], there, bond: Bonds) -> Float[Array, " dim"]:
         p, alpha = here
-        e = stretch_minus_one(bond.xi, bond.eta)
-        return bond.omega * (p + alpha * e) / (1 + e) * (bond.xi + bond.eta)
+        g, s = growth_and_stretch(bond.xi, bond.eta)
+        return bond.omega * (p * (1 + s) + alpha * g) / (1 + g + s) * (bond.xi + bond.eta)

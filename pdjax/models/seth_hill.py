@@ -86,9 +86,16 @@ class BondStrainModel(WithLaw):
         e = bond_strain(bond.xi, bond.eta, self.m)
         return self.fourth_moment(bond), w * e * direction_mandel(bond.xi)
 
-    def law_state(self, sums: Sums) -> Float[Array, " p"]:
+    def _fourth_and_strain(self, sums: Sums) -> tuple[Float[Array, "p p"], Float[Array, "dim dim"]]:
+        """L and Ē_m from the sums."""
         L = self.fourth_of(sums.reference, sums.dim)
-        E = from_mandel(solve_positive(L, sums.deformed), sums.dim)
+        return L, from_mandel(solve_positive(L, sums.deformed), sums.dim)
+
+    def law_energy_of_sums(self, sums: Sums) -> Float[Array, ""]:
+        return self.law.energy(self._fourth_and_strain(sums)[1])
+
+    def law_state(self, sums: Sums) -> Float[Array, " p"]:
+        L, E = self._fourth_and_strain(sums)
         return solve_positive(L, to_mandel(law_stress(self.law, E)))
 
     def law_force(self, here: Float[Array, " p"], bond: Bonds) -> Float[Array, " dim"]:

@@ -90,6 +90,10 @@ class WithLaw(PointStateModel):
         """A_law, the point state of the law alone."""
         raise NotImplementedError
 
+    def law_energy_of_sums(self, sums: Sums) -> Float[Array, ""] | None:
+        """W_law [energy/length^dim], if it is a function of the sums of `law_moments`. Otherwise None."""
+        return None
+
     def law_force(self, here: PyTree, bond: Bonds) -> Float[Array, " dim"]:
         """T_law on one bond [force/length^(2 dim)]."""
         raise NotImplementedError
@@ -99,6 +103,9 @@ class WithLaw(PointStateModel):
         if self.control is None:
             return energy
         return energy + self.control.energy(bonds, tangent_at_rest(self.law, bonds.xi.shape[1], bonds.xi.dtype))
+
+    def energy_of_sums(self, sums: Sums) -> Float[Array, ""] | None:
+        return self.law_energy_of_sums(sums) if self.control is None else None
 
     def moments(self, bond: Bonds) -> tuple[PyTree, PyTree]:
         parts = [self.law_moments(bond)]

@@ -17,16 +17,20 @@ from ..geometry.neighbour_search import families
 from ..geometry.points import lattice
 from ..infinite_lattice.dispersion import dispersion
 from ..infinite_lattice.lattice_states import p_wave_modulus
-from ..infinite_lattice.paths import uniaxial_stress
 from ..models.base import AbstractModel
 from .bodies import checked_count, checked_ratio, unit_model
 
 
 @eqx.filter_jit
 def _rate_of_uniaxial_stress(model: AbstractModel, family: LatticeFamily) -> Float[Array, "dim dim"]:
-    """dF/da of the path `uniaxial_stress` at a = 0."""
-    at_rest = jnp.zeros((), family.xi.dtype)
-    return jax.jvp(lambda a: uniaxial_stress(a, model, family), (at_rest,), (jnp.ones_like(at_rest),))[1]
+    """dF/da of the path `uniaxial_stress`, F = diag(1 + a, b, b) with P₂₂ = 0, at a = 0."""
+    dim, dtype = family.dim, family.xi.dtype
+    along = jnp.zeros((dim, dim), dtype).at[0, 0].set(1.0)
+    if dim == 1:
+        return along
+    lateral = jnp.eye(dim, dtype=dtype) - along
+    _, rate = jax.linearize(lambda F: model.stress(family.bonds(F))[1, 1], jnp.eye(dim, dtype=dtype))
+    return along - rate(along) / rate(lateral) * lateral
 
 
 def cuboid(shape, N: float = 3, strain=0.05, rate=1e-2, model: AbstractModel | None = None, density=1.0) -> Motion:

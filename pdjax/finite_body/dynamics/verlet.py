@@ -31,6 +31,8 @@ from jaxtyping import Array, Bool, Float, Int
 
 from ..._internal.checks import Numbers, namespace, on_device, on_host
 from ...force.fields import strain_energy
+from ...force.operator import fast_energies
+from ..scene import Scene
 from .breaking import Broken, after_break, pulled, unbroken
 from .system import Hold, Motion
 
@@ -218,6 +220,17 @@ def march(motion: Motion, state: State, dt: Float[Array, ""], steps: Int[Array, 
     return state._replace(step=jnp.maximum(state.step, 0))
 
 
+def _strain_energy(scene: Scene, state: State, F: Array | None) -> Float[Array, ""]:
+    """Π of the bonds that are alive [energy]."""
+    operator = scene.operator
+    W = None if operator is None or state.bonds is not None else fast_energies(operator, state.u, F)
+    if W is not None:
+        return jnp.dot(scene.families.volumes, W)
+    families = scene.families if state.bonds is None else scene.families.with_share(state.bonds.alive)
+    # The model of the prepared operator has a shorter program where its constants are known.
+    return strain_energy(scene.model if operator is None else operator.model, families, state.u, F)
+
+
 def energies(motion: Motion, state: State, dt: Float[Array, ""]) -> Energies:
     """The energy budget of one state."""
     scene = motion.scene
@@ -226,8 +239,7 @@ def energies(motion: Motion, state: State, dt: Float[Array, ""]) -> Energies:
     strain = jnp.full_like(kinetic, jnp.nan)
     if scene.model.hyperelastic:
         factor, _ = motion.factor(state.step * dt)
-        families = scene.families if state.bonds is None else scene.families.with_share(state.bonds.alive)
-        strain = strain_energy(scene.model, families, state.u, scene.mean_deformation(factor))
+        strain = _strain_energy(scene, state, scene.mean_deformation(factor))
     return Energies(kinetic, strain, state.supports, state.loads, state.dissipated, released)
 
 

@@ -71,6 +71,12 @@ class Backend(eqx.Module):
         """
         return None
 
+    def energy(
+        self, model: AbstractModel, u: Float[Array, "points dim"], F: Array | None
+    ) -> Float[Array, " points"] | None:
+        """W of every point [energy/length^dim], or None if this backend has no fast way to compute it."""
+        return None
+
     @abstractmethod
     def force(self, model: AbstractModel, u: Float[Array, "points dim"], F: Array | None) -> Float[Array, "points dim"]:
         """f of every point [force/length^dim]. F is a mean deformation gradient or None."""

@@ -22,7 +22,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.extend import core
+from jax.tree_util import PyTreeDef
 from jax.typing import DTypeLike
+from jaxtyping import PyTree
 
 Components = np.ndarray  # its entries are JAX arrays over the points, 0-d JAX arrays, or NumPy scalars
 Entry = jax.Array | np.ndarray | np.generic | float
@@ -91,7 +93,7 @@ def split(x: jax.Array | np.ndarray, batched: bool = True) -> Components:
     out = np.empty(shape, dtype=object)
     known = not batched and not isinstance(x, jax.core.Tracer) and not isinstance(x, jax.Array)
     for at in np.ndindex(*shape):
-        out[at] = np.asarray(x)[at] if known else x[at]
+        out[at] = np.asarray(x)[at] if known else x[at] if shape else x
     return out
 
 
@@ -268,7 +270,7 @@ def _batched(eqn: Any, operands: list[Components]) -> list[Components]:
     """Any other operation: stack the components, batch the operation by `jax.vmap`, and split its result."""
     given = {v: x for v, x in zip(eqn.invars, operands, strict=True) if not isinstance(v, core.Literal)}
     lengths = [np.shape(e) for x in given.values() for e in x.reshape(-1) if np.ndim(e)]
-    points = max((n[0] for n in lengths), default=1)  # 1 if all operands are constants
+    points = max((n[0] for n in lengths), default=None)
 
     def alone(*values: jax.Array) -> list:
         known = dict(zip(given, values, strict=True))
@@ -278,6 +280,11 @@ def _batched(eqn: Any, operands: list[Components]) -> list[Components]:
         result = eqn.primitive.bind(*functions, *read, **settings)
         return result if eqn.primitive.multiple_results else [result]
 
+    if points is None:  # all operands are shared by the points
+        shared = [
+            jnp.stack(list(x.reshape(-1))).reshape(x.shape) if x.ndim else jnp.asarray(x[()]) for x in given.values()
+        ]
+        return [split(y, False) for y in alone(*(x.astype(v.aval.dtype) for v, x in zip(given, shared, strict=True)))]
     arrays = [join(x, points).astype(v.aval.dtype) for v, x in given.items()]
     return [split(y) for y in jax.vmap(alone, -1, -1)(*arrays)]
 
@@ -292,6 +299,8 @@ def _fans(jaxpr: Any) -> dict:
         if not isinstance(v, core.Literal):
             fans[v] = fans.get(v, 0.0) + 1
     for eqn in reversed(jaxpr.eqns):
+        if not eqn.outvars:  # it prints, for example
+            continue
         name, out = eqn.primitive.name, eqn.outvars[0]
         moves = name in _MOVES or name in _MOVES_MANY
         for v in eqn.invars:
@@ -385,3 +394,28 @@ def by_components(
         return jax.tree.unflatten(jax.tree.structure(out), _run(made.jaxpr, made.consts, leaves, costs))
 
     return run
+
+
+def one_entry(x: object) -> Components:
+    """Components of shape () that hold this entry."""
+    out = np.empty((), dtype=object)
+    out[()] = x
+    return out
+
+
+def entries(tree: PyTree) -> list:
+    """All entries of a tree of components."""
+    return [e for x in jax.tree.leaves(tree) for e in x.reshape(-1)]
+
+
+def trees(structure: PyTreeDef | None, shapes: list[tuple[int, ...]], rows: Sequence | jax.Array) -> PyTree:
+    """A tree of components of these shapes from a list of entries, or one leaf if there is no structure."""
+    leaves, at = [], 0
+    for shape in shapes:
+        size = int(np.prod(shape))
+        leaf = np.empty(size, dtype=object)
+        for k in range(size):
+            leaf[k] = rows[at + k]
+        leaves.append(leaf.reshape(shape))
+        at += size
+    return jax.tree.unflatten(structure, leaves) if structure is not None else leaves[0]

@@ -16,9 +16,9 @@ from ...geometry.bonds import Bonds, Families
 from ...models.base import AbstractModel, PointStateModel
 from ...models.pointwise import split_model
 from .backend import Backend
+from .point_states import reference_moments
 from .streaming import (
     breaks_in_the_loop,
-    reference_moments,
     reference_sums,
     streamed_break,
     streamed_force,

@@ -21,61 +21,17 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.tree_util import PyTreeDef
-from jax.typing import DTypeLike
 from jaxtyping import Array, Bool, Float, PyTree
 
 from ...geometry.bonds import EACH_BOND, Bonds
-from ...models.base import AbstractModel, PointStateModel, Sums
-from ...models.pointwise import directions_of_rest, regular, split_model
-from .components import by_components, join
+from ...models.base import AbstractModel, PointStateModel
+from ...models.pointwise import regular, split_model
+from .components import by_components, entries, one_entry, trees
+from .point_states import Varying, bonds_of_rest, sizes_of_moments, states, with_rest
 from .traversal import LatticeTraversal, Slot, SlotTraversal, Traversal
 
 
-def _flat(x: Array) -> Array:
-    """(points, …) → (points, components)."""
-    return x.reshape(x.shape[0], -1)
-
-
-class _Varying:
-    """The constants of a model that vary from point to point, in the layout of a traversal.
-
-    `split` is the result of `split_model`.
-    """
-
-    def __init__(self, split: tuple[PyTree, AbstractModel], traversal: Traversal):
-        varying, self.shared = split
-        leaves, self.structure = jax.tree.flatten(varying)
-        self.shapes = [x.shape[1:] for x in leaves]
-        self.first = [x[0].astype(traversal.volumes.dtype) for x in leaves]
-        self.rows = [_rows(traversal, self._laid(traversal, x)) for x in leaves]
-
-    @staticmethod
-    def _laid(traversal: Traversal, x: Array) -> Array:
-        """A constant as (components, flat). Empty cells get that of the first point, so that no law divides by 0."""
-        x = _flat(x.astype(traversal.volumes.dtype))
-        return (
-            traversal.embed(x)
-            if traversal.filled is None
-            else jnp.where(traversal.filled > 0, traversal.embed(x), x[0][:, None])
-        )
-
-    def __bool__(self) -> bool:
-        return bool(self.rows)
-
-    def components(self, read: Callable) -> list[np.ndarray]:
-        """The constants by components. `read` reads a row at the points or at their neighbours."""
-        return [_trees(None, [s], [read(row) for row in x]) for x, s in zip(self.rows, self.shapes, strict=True)]
-
-    def single(self) -> PointStateModel:
-        """The model with the constants of the first point."""
-        return self.model(self.first)
-
-    def model(self, leaves: list) -> PointStateModel:
-        return eqx.combine(jax.tree.unflatten(self.structure, leaves), self.shared)
-
-
-def _rows(traversal: Traversal, x: Array) -> list[Array]:
+def _opened(traversal: Traversal, x: Array) -> list[Array]:
     """(components, flat) → opened rows. They are separated before the loop: inside it, every step would copy a row."""
     return [traversal.open(x[k]) for k in range(x.shape[0])]
 
@@ -103,13 +59,7 @@ def _bond(
             eta[k] = jnp.where(real, eta[k], 0.0)
         if gradient is not None:
             eta[k] = eta[k] + sum(gradient[k, l] * xi[l] for l in range(dim))
-    return Bonds(xi, eta, _one(slot.omega), _one(far), _one(horizon))
-
-
-def _one(x: object) -> np.ndarray:
-    out = np.empty((), dtype=object)
-    out[()] = x
-    return out
+    return Bonds(xi, eta, one_entry(slot.omega), one_entry(far), one_entry(horizon))
 
 
 def _over_slots(traversal: Traversal, body: Callable, start: list[Array], pairs: float) -> list[Array]:
@@ -136,32 +86,7 @@ def _over_slots(traversal: Traversal, body: Callable, start: list[Array], pairs:
     return add(total, left) if len(whole) < len(numbers) else total
 
 
-def _sizes(model: PointStateModel, which: int, dim: int, dtype: DTypeLike) -> tuple[PyTreeDef, list[tuple[int, ...]]]:
-    """Structure and shapes of the reference moments (`which` = 0) or the deformed moments (1)."""
-    one = Bonds(*(jax.ShapeDtypeStruct(s, dtype) for s in ((dim,), (dim,), (), (), ())))
-    tree = jax.eval_shape(model.moments, one)[which]
-    leaves, structure = jax.tree.flatten(tree)
-    return structure, [x.shape for x in leaves]
-
-
-def _entries(tree: PyTree) -> list:
-    return [e for x in jax.tree.leaves(tree) for e in x.reshape(-1)]
-
-
-def _trees(structure: PyTreeDef | None, shapes: list[tuple[int, ...]], rows: list[Array] | Array) -> PyTree:
-    """Rows, one for each entry → a tree of components."""
-    leaves, at = [], 0
-    for shape in shapes:
-        size = int(np.prod(shape))
-        leaf = np.empty(size, dtype=object)
-        for k in range(size):
-            leaf[k] = rows[at + k]
-        leaves.append(leaf.reshape(shape))
-        at += size
-    return jax.tree.unflatten(structure, leaves) if structure is not None else leaves[0]
-
-
-def _in_pairs(traversal: Traversal, varying: _Varying) -> bool:
+def _in_pairs(traversal: Traversal, varying: Varying) -> bool:
     """Whether the contributions of a bond to its two ends differ at most in sign: a lattice of one material."""
     model = varying.single()
     return (
@@ -169,38 +94,31 @@ def _in_pairs(traversal: Traversal, varying: _Varying) -> bool:
     )
 
 
-def _sum_moments(varying: _Varying, traversal: Traversal, which: int, u: Array, gradient, horizon) -> Array:
+def _sum_moments(varying: Varying, traversal: Traversal, which: int, u: Array, gradient, horizon) -> Array:
     """The reference moments (`which` = 0) or the deformed moments (1), summed over every family: (entries, flat)."""
     dim, dtype = u.shape[0], u.dtype
-    _, shapes = _sizes(varying.single(), which, dim, dtype)
+    _, shapes = sizes_of_moments(varying.single(), which, dim, dtype)
     count = sum(int(np.prod(s)) for s in shapes)
-    opened, volumes = _rows(traversal, u), traversal.open(traversal.volumes)
+    opened, volumes = _opened(traversal, u), traversal.open(traversal.volumes)
     pairs = 1.0 if _in_pairs(traversal, varying) else 0.0
 
     def moments(leaves, bond):
         return varying.model(leaves).moments(bond)[which]
 
     here = [traversal.here(x) for x in opened]
-    own = varying.components(traversal.here)
+    own = varying.components()
 
     def body(slot):
         bond = _bond(traversal, opened, here, gradient, slot, volumes, horizon)
         if pairs:  # an empty cell must contribute nothing to its neighbours
-            bond = bond._replace(volume=_one(bond.volume[()] * traversal.filled))
-        return _entries(
+            bond = bond._replace(volume=one_entry(bond.volume[()] * traversal.filled))
+        return entries(
             by_components(moments, dtype, traversal.one, traversal.dear(*bond.eta, bond.volume[()]))(own, bond)
         )
 
     flat = traversal.volumes.shape[0]
     total = _over_slots(traversal, body, [jnp.zeros(flat, dtype)] * count, pairs) if count else []
     return jnp.stack(total) if count else jnp.zeros((0, flat), dtype)
-
-
-def reference_moments(model: PointStateModel, points: int, dim: int) -> PyTree:
-    """The contribution of one bond to `reference_sums`. Tracing it shows on which constants it depends."""
-    varying, shared = split_model(model, points)
-    first = eqx.combine(jax.tree.map(lambda x: x[0], varying), shared)
-    return first.moments(Bonds(jnp.ones(dim), jnp.zeros(dim), *map(jnp.ones, ((), (), ()))))[0]
 
 
 def reference_sums(
@@ -215,26 +133,13 @@ def reference_sums(
     """
     dtype = traversal.volumes.dtype
     u = jnp.zeros((dim, traversal.volumes.shape[0]), dtype)
-    varying = _Varying(split, traversal)
+    varying = Varying(split, traversal)
     sums = _sum_moments(varying, traversal, 0, u, None, horizon)
     if traversal.filled is None:
-        horizon = jnp.max(horizon)  # any length does for families without bonds
-        xi = horizon * directions_of_rest(dim, dim * (dim + 3) // 2).astype(dtype)
-        empty, ones = jnp.all(sums == 0, axis=0), jnp.ones(len(xi), dtype)
-        bonds = Bonds(xi, jnp.zeros_like(xi), ones, ones, horizon)
-    else:
-        empty = traversal.filled <= 0
-        bonds = Bonds(
-            traversal.xi,
-            jnp.zeros_like(traversal.xi),
-            traversal.omega,
-            jnp.full(len(traversal.xi), traversal.cell),
-            horizon,
-        )
-    first = varying.single()
-    full = jax.vmap(lambda x, e, w, v: first.moments(Bonds(x, e, w, v, horizon))[0])(*bonds[:4])
-    rows = jnp.concatenate([jnp.zeros(0, dtype), *(x.sum(axis=0).reshape(-1) for x in jax.tree.leaves(full))])
-    return jnp.where(empty, rows[:, None], sums)
+        return with_rest(varying.single(), sums, jnp.all(sums == 0, axis=0), bonds_of_rest(dim, horizon, dtype))
+    rest, volumes = jnp.zeros_like(traversal.xi), jnp.full(len(traversal.xi), traversal.cell)
+    full = Bonds(traversal.xi, rest, traversal.omega, volumes, horizon)
+    return with_rest(varying.single(), sums, traversal.filled <= 0, full)
 
 
 def sums_of_families(model: PointStateModel, bonds: Bonds) -> Float[Array, "entries few"]:
@@ -250,29 +155,6 @@ def sums_of_families(model: PointStateModel, bonds: Bonds) -> Float[Array, "entr
     sums = jax.vmap(one)(varying, regular(bonds)[0])
     rows = [jnp.sum(x, axis=1).reshape(len(bonds.xi), -1) for x in jax.tree.leaves(sums)]
     return jnp.concatenate(rows, axis=1).T
-
-
-def _states(single: PointStateModel, of: Callable, own: list, dim: int, dtype: DTypeLike, sums: tuple, horizon: Array):
-    """The point states from both sums (entries, flat): structure, shapes, and one row (flat,) for each entry.
-
-    `single` is a model of one point, which gives the shapes. `of` makes a model from constants, and `own` holds these
-    constants by components.
-    """
-    trees = [_sizes(single, k, dim, dtype) for k in (0, 1)]
-
-    def state_of(leaves, reference, deformed, horizon):
-        return of(leaves).state(Sums(reference, deformed, horizon, dim))
-
-    both = [_trees(*tree, rows) for tree, rows in zip(trees, sums, strict=True)]
-    state = by_components(state_of, dtype)(own, *both, _one(horizon))
-    leaves, structure = jax.tree.flatten(state)
-    rows = [join(e, sums[0].shape[1]) for x in leaves for e in map(_one, x.reshape(-1))]
-    return structure, [x.shape for x in leaves], rows
-
-
-def state_rows(model: PointStateModel, dim: int, dtype: DTypeLike, sums: tuple[Array, Array], horizon: Array) -> list:
-    """The point states of a body of one material from both sums (entries, points), one row for each entry."""
-    return _states(model, lambda leaves: model, [], dim, dtype, sums, horizon)[2]
 
 
 def _pull_of_both(
@@ -292,7 +174,7 @@ def _pull_of_both(
     """
     structure, shapes, rows = states
     summed = [a + traversal.far(x, slot) for a, x in zip(here, rows, strict=True)]
-    both = _trees(structure, shapes, summed)
+    both = trees(structure, shapes, summed)
     dear = traversal.dear(*read, *summed)
     total = by_components(force, traversal.volumes.dtype, traversal.one, dear)(own, both, both, bond)
     if isinstance(traversal, SlotTraversal) and traversal.share is not None:
@@ -314,18 +196,19 @@ def streamed_force(
     `split` is the result of `split_model`. `gradient` is F − I of a mean deformation, or None.
     """
     dim, dtype = u.shape[1], traversal.volumes.dtype
-    varying = _Varying(split, traversal)
+    varying = Varying(split, traversal)
     model = varying.single()
     U = traversal.embed(u.astype(dtype))
     deformed = _sum_moments(varying, traversal, 1, U, gradient, horizon)
-    mine = varying.components(traversal.here)
-    structure, shapes, rows = _states(model, varying.model, mine, dim, dtype, (reference, deformed), horizon)
-    states = _rows(traversal, traversal.renew(jnp.stack(rows))) if rows else []
-    opened, volumes = _rows(traversal, U), traversal.open(traversal.volumes)
+    mine = varying.components()
+    structure, shapes, rows = states(model, varying.model, mine, dim, dtype, (reference, deformed), horizon)
+    a = _opened(traversal, traversal.renew(jnp.stack(rows))) if rows else []
+    opened, volumes = _opened(traversal, U), traversal.open(traversal.volumes)
+    constants = [_opened(traversal, x) for x in varying.rows]
     pairs = -1.0 if _in_pairs(traversal, varying) else 0.0
     alike = model.additive and traversal.back is None and not varying
-    u_here, a_here = ([traversal.here(x) for x in rows] for rows in (opened, states))
-    here = _trees(structure, shapes, a_here)
+    u_here, a_here = ([traversal.here(x) for x in rows] for rows in (opened, a))
+    here = trees(structure, shapes, a_here)
 
     def force(leaves, here, there, bond):
         return varying.model(leaves).bond_force(here, there, bond)
@@ -333,16 +216,19 @@ def streamed_force(
     def body(slot):
         bond = _bond(traversal, opened, u_here, gradient, slot, volumes, horizon)
         if alike:
-            of = structure, shapes, states
+            of = structure, shapes, a
             weight, total = _pull_of_both(force, mine, traversal, of, a_here, slot, bond, list(bond.eta))
             if pairs:
                 weight = weight * traversal.filled
             return [weight * x for x in total]
-        there = _trees(structure, shapes, [traversal.far(x, slot) for x in states])
-        yours = varying.components(lambda x: traversal.far(x, slot))
+        there = trees(structure, shapes, [traversal.far(x, slot) for x in a])
+        yours = [
+            trees(None, [s], [traversal.far(x, slot) for x in rows])
+            for rows, s in zip(constants, varying.shapes, strict=True)
+        ]
         omega = slot.omega if slot.back is None else slot.back
-        theirs = bond.horizon if horizon.ndim == 0 else _one(traversal.far(horizon, slot))
-        reverse = Bonds(-bond.xi, -bond.eta, _one(omega), _one(traversal.volumes), theirs)
+        theirs = bond.horizon if horizon.ndim == 0 else one_entry(traversal.far(horizon, slot))
+        reverse = Bonds(-bond.xi, -bond.eta, one_entry(omega), one_entry(traversal.volumes), theirs)
         out = by_components(force, dtype)(mine, here, there, bond)
         back = by_components(force, dtype)(yours, there, here, reverse)
         return [bond.volume[()] * (a - b) for a, b in zip(out, back, strict=True)]
@@ -372,14 +258,14 @@ def streamed_break(
     (2ξ + η)·η > s₀(2 + s₀)|ξ|², which has no root and no cancellation.
     """
     dim, dtype = u.shape[1], traversal.volumes.dtype
-    varying = _Varying(split, traversal)
+    varying = Varying(split, traversal)
     model, live = varying.single(), alive.T
     traversal = eqx.tree_at(lambda t: t.share, traversal, live, is_leaf=lambda x: x is None)
     U = traversal.embed(u.astype(dtype))
     deformed = _sum_moments(varying, traversal, 1, U, None, horizon)
-    structure, shapes, rows = _states(model, varying.model, [], dim, dtype, (reference, deformed), horizon)
-    states = _rows(traversal, jnp.stack(rows)) if rows else []
-    opened, volumes = _rows(traversal, U), traversal.open(traversal.volumes)
+    structure, shapes, rows = states(model, varying.model, [], dim, dtype, (reference, deformed), horizon)
+    a = _opened(traversal, jnp.stack(rows)) if rows else []
+    opened, volumes = _opened(traversal, U), traversal.open(traversal.volumes)
     limits = limit.T if limit.ndim else jnp.broadcast_to(limit, (live.shape[0],))
 
     def force(leaves, here, there, bond):
@@ -393,7 +279,7 @@ def streamed_break(
         # Divided by 1, η is stored (see `components`). XLA would gather it twice, for the force and for the stretch.
         for k in range(dim):
             bond.eta[k] = bond.eta[k] / traversal.one
-        weight, t = _pull_of_both(force, [], traversal, (structure, shapes, states), states, slot, bond, [])
+        weight, t = _pull_of_both(force, [], traversal, (structure, shapes, a), a, slot, bond, [])
         grown = sum((2 * a + b) * b for a, b in zip(bond.xi, bond.eta, strict=True))
         square = sum(a * a for a in bond.xi)
         return [a + weight * x for a, x in zip(total, t, strict=True)], left & (grown > most * (2 + most) * square)
