@@ -434,6 +434,7 @@ def simulate(
     """
     if not isinstance(motion, Motion):
         raise ValueError(f"motion must be a Motion (pdjax.motion or a moving scene); got {type(motion).__name__}")
+    motion.scene.families.need_arrays()
     if isinstance(checkpoint_every, bool) or not isinstance(checkpoint_every, int | np.integer) or checkpoint_every < 1:
         raise ValueError(f"checkpoint_every must be a whole number of saves >= 1; got {checkpoint_every!r}")
     if resume and checkpoint is None:
