@@ -34,6 +34,7 @@ PROGRAMS = (
     "proofs",
     "singular_bar",
     "stabilisers",
+    "statics_at_scale",
     "surface_correction",
     "zone_accuracy",
 )

@@ -16,7 +16,7 @@ critical loads, the equilibria and motions of whole bodies, and the derivatives 
         stability, certify, certify_path, critical_load, stability_map, model_atlas, symbol, center_block, dispersion
         cell_stability, hydrostatic, uniaxial_strain, uniaxial_stress, simple_shear
     pdjax.finite_body        supports and loads, stability, statics, dynamics and fracture of a body
-        prescribe, body_force, total_force, homogeneous_traction, scene, solve, equilibrium_path, body_stability
+        prescribe, body_force, total_force, scene, solve, use_direct_solver, equilibrium_path, body_stability
         body_spectrum, body_critical_load, motion, simulate, observers, CriticalStretch, solve_breaking, crack_path
     pdjax.scenes             problems that are ready to solve, some with a closed form
     pdjax.optimise           design by gradient, and parameters from measured data
@@ -72,6 +72,7 @@ from .finite_body.damage import BreakingRule as BreakingRule
 from .finite_body.damage import CriticalBondEnergy as CriticalBondEnergy
 from .finite_body.damage import CriticalStretch as CriticalStretch
 from .finite_body.damage import released_energy as released_energy
+from .finite_body.direct_solver import use_direct_solver as use_direct_solver
 from .finite_body.dynamics import (
     Energies as Energies,
 )

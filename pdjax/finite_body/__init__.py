@@ -12,5 +12,6 @@ The modules, in the order in which to read them:
     observers        time series recorded during a motion: probes, reactions, section forces, damage, crack tips
     crack_path       the path, area, speed, angle and branches of a crack
     inertia          a proof of the number of positive eigenvalues of a matrix
+    direct_solver    the choice of the sparse direct solver: SuperLU or PARDISO
     factorisation    the reduced system of a scene, its sparse factors, the count of its positive eigenvalues
 """

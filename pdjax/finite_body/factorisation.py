@@ -139,6 +139,23 @@ class Singular(Exception):
     """The matrix could not be factorised, or its factorisation is too inaccurate."""
 
 
+def checked_backward_error(A: sp.csc_array, solve: Callable[[np.ndarray], np.ndarray]) -> float:
+    """The normwise backward error of the solution for a random right-hand side; Singular if it is too large."""
+    import scipy.sparse.linalg as sla
+
+    b = np.random.default_rng(0).normal(size=A.shape[0])
+    x = solve(b)
+    with np.errstate(all="ignore"):
+        size = sla.norm(A, np.inf) * np.linalg.norm(x, np.inf) + np.linalg.norm(b, np.inf)
+        backward = float(np.linalg.norm(A @ x - b, np.inf) / size)
+    if not backward < BACKWARD:
+        raise Singular(
+            f"the matrix factorisation is too inaccurate: its backward error is {backward:.1e}, allowed is"
+            f" {BACKWARD:.0e}; the matrix is singular or nearly so"
+        )
+    return backward
+
+
 class Factor:
     """The matrix factorisation P A Pᵀ = L D Lᵀ of a symmetric sparse matrix.
 
@@ -158,16 +175,7 @@ class Factor:
                 self._lu = sla.splu(A)
         except RuntimeError as error:
             raise Singular(str(error)) from error
-        b = np.random.default_rng(0).normal(size=A.shape[0])
-        x = self._lu.solve(b)
-        with np.errstate(all="ignore"):
-            size = sla.norm(A, np.inf) * np.linalg.norm(x, np.inf) + np.linalg.norm(b, np.inf)
-            self.backward = float(np.linalg.norm(A @ x - b, np.inf) / size)
-        if not self.backward < BACKWARD:
-            raise Singular(
-                f"the matrix factorisation is too inaccurate: its backward error is {self.backward:.1e}, allowed is"
-                f" {BACKWARD:.0e}; the matrix is singular or nearly so"
-            )
+        self.backward = checked_backward_error(A, self._lu.solve)
 
     def solve(self, b: np.ndarray, transposed: bool = False) -> np.ndarray:
         """A⁻¹ b with one step of iterative refinement."""

@@ -18,7 +18,8 @@ import numpy as np
 from jaxtyping import Array
 
 from .._internal.checks import in_host_memory
-from ..finite_body.factorisation import Factor, Singular, matrix, residual, residual_of
+from ..finite_body.direct_solver import factorised
+from ..finite_body.factorisation import Singular, matrix, residual, residual_of
 from ..finite_body.scene import Scene
 from ..finite_body.statics.solve import solve
 from .parameters import Parameters
@@ -117,7 +118,7 @@ class Statics:
             raise LeftDomain(f"the scene has no equilibrium that `solve` finds: {found.reason}")
         q = np.asarray(found.u).reshape(-1)[np.asarray(scene.unknowns)]
         try:
-            self.factor = Factor(matrix(scene, found.u), scene.model.hyperelastic)
+            self.factor = factorised(matrix(scene, found.u), scene.model.hyperelastic)
         except Singular as error:
             raise LeftDomain(f"the equilibrium is at a limit point: {error}") from None
         # `solve` stops at a relative residual of 1e-10. One more step makes the prediction as smooth as its derivative.

@@ -10,8 +10,10 @@ P = ∂f/∂A the forces that the states exert:
     D_ij = V_j (B_ij + B_ji),   S_ij = R_ij,   P_ij = V_j (G'_ij − G_ji),   P_ii = Σ_j V_j (G_ij − G'_ji)
 
 and D_ii = −Σ_j D_ij, S_ii = −Σ_j S_ij. The product takes most of the time: 2 dim² · rank · ring² operations a point.
-SciPy computes it in blocks (dim, rank), and each thread computes a part of the rows. The pattern is two rings, or three
-if the state of the far end is needed.
+SciPy computes (P S)ᵀ = Sᵀ Pᵀ, and each thread computes a part of its rows. The transposition of the result then sorts
+its indices. Moments Σ η ⊗ g(ξ), such as F̄, have S_ij = s_ij ⊗ 1: component d of u changes the entries (l, d) by s_l.
+The blocks (dim, rank) (rank, dim) of the product then become (1, rank/dim) (rank/dim, dim²), with fewer operations.
+The pattern is two rings, or three if the state of the far end is needed.
 
 **Model of two stages.** Let S = R Δ be its states, Z = (Δ; S; S at the far end), and H the Hessian of the energy of a
 bond. Then V J = −Zᵀ (V H) Z, because the states are linear in η.
@@ -21,8 +23,7 @@ bond. Then V J = −Zᵀ (V H) Z, because the states are linear in η.
 
 from concurrent.futures import ThreadPoolExecutor
 from functools import singledispatch
-from itertools import pairwise
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -63,55 +64,72 @@ def _block_csr(rows, cols, blocks, shape) -> sp.csr_array:
 class _Rings(NamedTuple):
     """The block pattern of one ring of neighbours. The row of a point holds the point itself, then its neighbours."""
 
-    true: np.ndarray  # (points, bonds) whether a slot holds a bond with weight
     start: np.ndarray  # (points + 1,) first block of every row
     column: np.ndarray  # (blocks,) block column, the index of a point
     own: np.ndarray  # (points,) block of the point itself
-    place: np.ndarray  # (true bonds,) block of every bond
+    place: np.ndarray  # (true bonds,) block of every bond with weight
+    bond: np.ndarray  # (true bonds,) place of the bond in a flat array (points · bonds)
+    reverse: np.ndarray  # (true bonds,) place of its reverse bond there
 
     @staticmethod
     def of(families: Families) -> "_Rings":
         """The pattern of these families. A bond belongs to it if one of its two directions has a weight."""
-        weight = np.asarray(families.weight)
-        true = (weight > 0) | (weight[np.asarray(families.neighbours), np.asarray(families.reverse)] > 0)
-        count = true.sum(axis=1)
-        start = np.concatenate([[0], np.cumsum(count + 1)])
+        weight, neighbours, back = (np.asarray(x) for x in (families.weight, families.neighbours, families.reverse))
+        true = (weight > 0) | (weight[neighbours, back] > 0)
+        start = np.concatenate([[0], np.cumsum(true.sum(axis=1) + 1)])
         i, slot = np.nonzero(true)
-        order = np.cumsum(true, axis=1)[i, slot]
+        place = start[i] + np.cumsum(true, axis=1)[i, slot]
+        j = neighbours[i, slot]
         column = np.empty(start[-1], dtype=np.int32)
-        place = start[i] + order
         column[start[:-1]] = np.arange(len(true))
-        column[place] = np.asarray(families.neighbours)[i, slot]
-        return _Rings(true, start.astype(np.int32), column, start[:-1], place)
+        column[place] = j
+        slots = true.shape[1]
+        return _Rings(start.astype(np.int32), column, start[:-1], place, i * slots + slot, j * slots + back[i, slot])
 
-    def matrix(self, on_bonds: np.ndarray, on_points: np.ndarray) -> sp.bsr_array:
-        """The matrix with blocks (points, bonds, a, b) at the neighbours and (points, a, b) on the diagonal."""
+    def matrix(self, on_bonds: np.ndarray, on_points: np.ndarray, reverse: bool = False) -> sp.bsr_array:
+        """The matrix with blocks (points, bonds, a, b) at the neighbours and (points, a, b) on the diagonal.
+
+        With `reverse` the block of a bond is that of its reverse bond.
+        """
         points, (a, b) = len(on_points), on_points.shape[1:]
         blocks = np.empty((len(self.column), a, b))
-        blocks[self.own], blocks[self.place] = on_points, on_bonds[self.true]
+        blocks[self.own] = on_points
+        blocks[self.place] = on_bonds.reshape(-1, a, b).take(self.reverse if reverse else self.bond, axis=0)
         # The columns are copied because SciPy sorts the indices of 1 × 1 blocks in place.
         return sp.bsr_array((blocks, self.column.copy(), self.start), shape=(points * a, points * b))
 
 
-def _product(P: sp.bsr_array, S: sp.bsr_array) -> sp.bsr_array:
-    """P S with sorted blocks. Each thread computes a part of the rows; SciPy releases the GIL while it multiplies."""
-    rows, height, threads = len(P.indptr) - 1, P.blocksize[0], cores()
-    cuts = [*np.searchsorted(P.indptr, P.indptr[-1] * np.arange(threads) / threads).tolist(), rows]
+def _rows(A: sp.bsr_array, first: int, last: int) -> sp.bsr_array:
+    """The block rows first to last of A, without a copy of its blocks."""
+    a, b = A.indptr[first], A.indptr[last]
+    shape = ((last - first) * A.blocksize[0], A.shape[1])
+    return sp.bsr_array((A.data[a:b], A.indices[a:b], A.indptr[first : last + 1] - a), shape=shape)
 
-    def part(rows: tuple[int, int]) -> sp.bsr_array:
-        first, last = rows
-        a, b = P.indptr[first], P.indptr[last]
-        data = (P.data[a:b], P.indices[a:b], P.indptr[first : last + 1] - a)
-        out = sp.bsr_array(data, shape=((last - first) * height, P.shape[1])) @ S
-        out.sort_indices()
-        return out
 
+def _product(left: sp.bsr_array, right: sp.bsr_array) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """(data, indices, indptr) of left · right. Each thread computes a part of the rows; SciPy releases the GIL."""
+    threads, load = cores(), left.indptr
+    cuts = np.searchsorted(load, load[-1] * np.arange(threads) / threads).tolist()
     with ThreadPoolExecutor(threads) as pool:
-        parts = list(pool.map(part, pairwise(cuts)))
+        parts = list(pool.map(lambda a, b: _rows(left, a, b) @ right, cuts, [*cuts[1:], len(load) - 1]))
     starts = np.cumsum([0, *(len(p.indices) for p in parts)])
-    indptr = np.concatenate([[0], *(p.indptr[1:] + s for p, s in zip(parts, starts, strict=False))])
     data, indices = (np.concatenate([getattr(p, name) for p in parts]) for name in ("data", "indices"))
-    return sp.bsr_array((data, indices, indptr.astype(P.indptr.dtype)), shape=(P.shape[0], S.shape[1]))
+    indptr = np.concatenate([[0], *(p.indptr[1:] + s for p, s in zip(parts, starts, strict=False))])
+    return data, indices, indptr.astype(load.dtype)
+
+
+def _transposed_product(left: sp.bsr_array, right: sp.bsr_array, dim: int) -> sp.bsr_array:
+    """(left right)ᵀ with sorted indices, for a product of which every block has the entries of one (dim, dim) block.
+
+    Only the product runs in threads: a thread gets fresh memory for every array, which is expensive to touch.
+    """
+    data, indices, indptr = _product(left, right)
+    points = len(indptr) - 1
+    # The transposition of the blocks' numbers tells where each block goes, and sorts the columns of every row.
+    numbers = sp.csr_array((np.arange(len(indices), dtype=indices.dtype), indices, indptr), shape=(points, points))
+    numbers = numbers.tocsc()
+    blocks = data.reshape(-1, dim, dim).take(numbers.data, axis=0).transpose(0, 2, 1)
+    return sp.bsr_array((blocks, numbers.indices, numbers.indptr), shape=(points * dim, points * dim))
 
 
 @eqx.filter_jit
@@ -119,20 +137,40 @@ def _tangents(model: AbstractModel, families: Families, u: Array, F: Array | Non
     return _point_tangents(model, families, families.bonds(u, F))
 
 
+class _RingBlocks(NamedTuple):
+    """D, Pᵀ and Sᵀ of the module docstring: blocks on bonds (points, bonds, …) and on points (points, …).
+
+    `separable` tells whether S_ij = s_ij ⊗ 1. The entries of the state are in the order (l, d) for that.
+    """
+
+    direct: tuple[Any, Any]  # blocks [component of f, component of u]
+    force: tuple[Any, Any]  # [entry of the state, component of f]
+    state: tuple[Any, Any]  # [component of u, entry of the state]
+    separable: Array
+
+
 @compiled_with(QUICK)
-def _ring_blocks(model: PointStateModel, families: Families, u: Array, F: Array | None) -> tuple[Array, ...]:
-    """D, P and S of the module docstring, each as blocks on bonds (points, bonds, …) and on points (points, …)."""
+def _ring_blocks(model: PointStateModel, families: Families, u: Array, F: Array | None) -> _RingBlocks:
     bonds = families.bonds(u, F)
     real = (families.weight > 0)[..., None, None]
     t = _point_tangents(model, families, bonds)
     assert isinstance(t, LowRank)
     B, G, S = (jnp.where(real, x, 0.0) for x in (t.B, t.G, jnp.moveaxis(t.R, 2, 1)))
-    back, V = (families.neighbours, families.reverse), bonds.volume[..., None, None]
-    D, P, P_own = V * (B + B[back]), -V * G[back], V * G
+    back, V, own = (families.neighbours, families.reverse), bonds.volume[..., None, None], families.volumes
+    D, P, P_own = V * (B + B[back]), -own[:, None, None, None] * G, V * G
     if model.needs_other_end:
-        there = jnp.where(real, t.there, 0.0)
-        P, P_own = P + V * there, P_own - V * there[back]
-    return D, -jnp.sum(D, axis=1), P, jnp.sum(P_own, axis=1), S, -jnp.sum(S, axis=1)
+        there = jnp.where(real, t.there, 0.0)[back]
+        P, P_own = P + own[:, None, None, None] * there, P_own - V * there
+    P, P_own, S = jnp.swapaxes(P, -1, -2), jnp.swapaxes(jnp.sum(P_own, axis=1), -1, -2), jnp.swapaxes(S, -1, -2)
+    rank, dim = S.shape[-1], S.shape[-2]
+    separable = jnp.asarray(False)
+    if dim > 1 and rank and rank % dim == 0:
+        order = np.arange(rank).reshape(dim, -1).T.reshape(-1)
+        P, P_own, S = P[:, :, order], P_own[:, order], S[..., order]
+        apart = S.reshape(*S.shape[:-1], -1, dim)
+        separable = jnp.all(apart == jnp.eye(dim)[:, None, :] * apart[:, :, :1, :, :1])
+    S_own = -jnp.sum(S, axis=1)
+    return _RingBlocks((D, -jnp.sum(D, axis=1)), (P, P_own), (S, S_own), separable)
 
 
 @singledispatch
@@ -163,13 +201,26 @@ def sparse_jacobian(model: AbstractModel, families: Families, u: Array, F: Array
 @sparse_jacobian.register(PointStateModel)
 def _of_states(model: PointStateModel, families: Families, u: Array, F: Array | None) -> sp.csr_array:
     """J = D + P S, as the module docstring derives it."""
-    D, D_own, P, P_own, S, S_own = computed_in_double(_ring_blocks, model, families, u, F)
-    rings = _Rings.of(families)
-    J = rings.matrix(D, D_own)
-    J.sort_indices()
-    if S.shape[2]:
-        J = J + _product(rings.matrix(P, P_own), rings.matrix(S, S_own))
-    return J.tocsr()  # its indices are sorted because those of both terms are
+    blocks: _RingBlocks = computed_in_double(_ring_blocks, model, families, u, F)
+    rings, dim, rank = _Rings.of(families), families.dim, blocks.state[0].shape[-1]
+    direct = rings.matrix(*blocks.direct)
+    direct.sort_indices()
+    if not rank:
+        return direct.tocsr()
+    force, state = list(blocks.force), list(blocks.state)
+    if blocks.separable:
+        force = [x.reshape(*x.shape[:-2], rank // dim, dim * dim) for x in force]
+        state = [x[..., :1, ::dim] for x in state]
+    J = _transposed_product(rings.matrix(state[0], state[1], reverse=True), rings.matrix(*force), dim)
+    # The pattern of the product contains that of D, so D is added in place: fresh memory is expensive to touch.
+    J.data[np.searchsorted(_block_numbers(J), _block_numbers(direct))] += direct.data
+    return J.tocsr()  # its indices are sorted because those of the product are
+
+
+def _block_numbers(A: sp.bsr_array) -> np.ndarray:
+    """row · rows + column of every block."""
+    rows = len(A.indptr) - 1
+    return np.repeat(np.arange(rows) * rows, np.diff(A.indptr)) + A.indices
 
 
 @sparse_jacobian.register(TwoStageModel)

@@ -20,8 +20,8 @@ lattice_family linear_influence linearised load_slope local_strain log_stretch m
 neighbour_report observers p_wave_modulus parabolic_influence partial_volume_influence piola_stress plane_bulk_modulus
 plate prescribe read_points relaxed scene scenes shape_tensor_K shape_tensor_L sharded_vmap simple_shear simulate
 simulate_diffrax slab_force solve stability stability_map stable_orders strain strain_energy stress symbol
-symplectic_terms total_force uniaxial_strain uniaxial_stress use_compilation_cache verlet_rate von_mises weighted_volume
-write_points zero_energy_waves
+symplectic_terms total_force uniaxial_strain uniaxial_stress use_compilation_cache use_direct_solver verlet_rate
+von_mises weighted_volume write_points zero_energy_waves
 """.split()
 
 

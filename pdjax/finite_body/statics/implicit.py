@@ -16,14 +16,15 @@ import numpy as np
 from jaxtyping import Array
 
 from ..._internal.checks import Numbers
-from ..factorisation import Factor, matrix, product, residual
+from ..direct_solver import factorised
+from ..factorisation import matrix, product, residual
 from ..scene import Scene, frozen
 
 
 def attach(scene: Scene, q: np.ndarray, factor: float) -> Array:
     """q with its derivatives as the solution of the (traced) scene; the value of q does not change."""
     quiet, root = frozen(scene), jax.device_put(q)
-    lu = Factor(matrix(quiet, quiet.displacement(q, factor), factor), scene.model.hyperelastic)
+    lu = factorised(matrix(quiet, quiet.displacement(q, factor), factor), scene.model.hyperelastic)
 
     def solved(b: Numbers, transposed: bool) -> np.ndarray:
         columns = np.asarray(b).reshape(-1, b.shape[-1]).T

@@ -17,6 +17,7 @@ from collections.abc import Callable
 import numpy as np
 import scipy.sparse as sp
 
+from ..direct_solver import PardisoFactor, factorised
 from ..factorisation import Factor, as_operator, matrix, product
 from ..scene import Scene
 
@@ -30,21 +31,23 @@ class Recycled:
     """b ↦ A⁻¹ b with the factorisation of an earlier A, for a scene whose model has an energy."""
 
     def __init__(self) -> None:
-        self._factor: Factor | None = None
+        self._factor: Factor | PardisoFactor | None = None
         self.factorisations = 0
 
     def forget(self) -> None:
         """Factorise afresh at the next call."""
         self._factor = None
 
-    def _fresh(self, scene: Scene, q: np.ndarray, factor: float) -> Factor:
+    def _fresh(self, scene: Scene, q: np.ndarray, factor: float) -> Factor | PardisoFactor:
         A = matrix(scene, scene.displacement(q, factor), factor)
         size = float(np.abs(A.diagonal()).max())
-        self._factor = Factor((A - SHIFT * size * sp.eye_array(A.shape[0], format="csc")).tocsc())
+        self._factor = factorised((A - SHIFT * size * sp.eye_array(A.shape[0], format="csc")).tocsc())
         self.factorisations += 1
         return self._factor
 
-    def __call__(self, scene: Scene, q: np.ndarray, factor: float) -> Callable[[np.ndarray], np.ndarray]:
+    def __call__(
+        self, scene: Scene, q: np.ndarray, factor: float, enough: float = 0.0
+    ) -> Callable[[np.ndarray], np.ndarray]:
         """The solver for A at q. `newton` takes it as its argument `solver`."""
         if self._factor is None:
             return self._fresh(scene, q, factor).solve

@@ -22,7 +22,7 @@ from ..factorisation import Singular, load_rate, residual_and_scale, residual_of
 from ..scene import Scene, frozen
 from ..spectrum import body_stability
 from .implicit import attach, leaves_sum, without_derivative
-from .newton import direct, krylov, newton
+from .newton import Krylov, LinearSolver, direct, newton
 from .relaxation import CHUNK, relaxation
 from .result import Equilibrium, SolveEnding, torn, turned_bonds
 from .trust_region import trust_region
@@ -32,7 +32,16 @@ ITERATIONS = {"newton": 50, "newton_krylov": 50, "trust_region": 200, "relaxatio
 EASY = 6  # iterations up to which the next load step may grow
 
 
-def _attempt(scene: Scene, method: str, q: np.ndarray, factor: float, tolerance: float, most: int, shown: bool):
+def _attempt(
+    scene: Scene,
+    method: str,
+    linear: LinearSolver,
+    q: np.ndarray,
+    factor: float,
+    tolerance: float,
+    most: int,
+    shown: bool,
+):
     if method == "trust_region":
         # Both numbers become arrays, so that new values do not recompile the solver.
         target, left = (np.asarray(x, q.dtype) for x in (factor, tolerance))
@@ -42,18 +51,17 @@ def _attempt(scene: Scene, method: str, q: np.ndarray, factor: float, tolerance:
     try:
         if method == "relaxation":
             return relaxation(scene, q, factor, tolerance, most, seen)
-        return newton(scene, q, factor, tolerance, most, krylov if method == "newton_krylov" else direct, seen)
+        return newton(scene, q, factor, tolerance, most, linear, seen)
     finally:
         seen.end()
 
 
-def _predict(scene: Scene, method: str, q: np.ndarray, factor: float, step: float) -> np.ndarray:
+def _predict(scene: Scene, linear: LinearSolver, q: np.ndarray, factor: float, step: float) -> np.ndarray:
     """One linear step of the whole body with the load; q itself if A is singular."""
-    linear = krylov if method == "newton_krylov" else direct
     try:
         r, _ = residual_and_scale(scene, q, factor)
         b = np.asarray(r) + step * np.asarray(load_rate(scene, q, factor))
-        return (q - linear(scene, q, factor)(b)).astype(q.dtype) if np.any(b) else q
+        return (q - linear(scene, q, factor, 0.0)(b)).astype(q.dtype) if np.any(b) else q
     except Singular:
         return q
 
@@ -64,11 +72,12 @@ def _climb(scene: Scene, method, q: np.ndarray, step, smallest_step, predictor, 
     Returns (q, factor, code, history, iterations, the load step that failed or None).
     """
     factor, history, iterations = 0.0, [], 0
+    linear: LinearSolver = Krylov() if method == "newton_krylov" else direct
     while True:
         size = min(step, 1.0 - factor)
         target = 1.0 if size == 1.0 - factor else factor + size
-        trial = _predict(scene, method, q, factor, size) if predictor == "tangent" else q
-        new, code, residuals = _attempt(scene, method, trial, target, tolerance, most, shown)
+        trial = _predict(scene, linear, q, factor, size) if predictor == "tangent" else q
+        new, code, residuals = _attempt(scene, method, linear, trial, target, tolerance, most, shown)
         if code == SolveEnding.CONVERGED and bool(torn(scene.families, scene.displacement(new, target))):
             code = SolveEnding.TORN
         history += residuals
@@ -132,8 +141,9 @@ def solve(
     scene : Scene
         The boundary value problem.
     method : str, optional
-        "newton" (exact sparse Jacobian and line search), "newton_krylov" (matrix-free), "trust_region" (dogleg of
-        optimistix with a dense Jacobian; runs under jit and vmap) or "relaxation" (adaptive dynamic relaxation).
+        "newton" (exact sparse Jacobian and line search), "newton_krylov" (Newton's method with products A v instead of
+        a matrix, preconditioned on a lattice), "trust_region" (dogleg of optimistix with a dense Jacobian; runs under
+        jit and vmap) or "relaxation" (adaptive dynamic relaxation).
     start : array, shape (points, dim), optional
         Displacements [length] at which the iteration starts; only free components are used. The default is zero.
     step : float, optional
@@ -166,6 +176,11 @@ def solve(
         If an argument is wrong, or a method other than "trust_region" is traced by jit or vmap.
     RuntimeError
         If `throw` is True and the solver did not converge; the message gives the reason.
+
+    Notes
+    -----
+    For bodies in 3D of more than some thousand unknowns use "newton_krylov" with `stability=False`: the derivatives and
+    the stability factorise the Jacobian. `use_direct_solver` chooses the solver for the factorisations.
 
     Examples
     --------

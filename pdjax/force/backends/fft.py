@@ -37,6 +37,7 @@ from ...geometry.bonds import EACH_BOND, Bonds, Families
 from ...models.base import AbstractModel, PointStateModel, Sums
 from ...models.pointwise import split_model
 from .backend import Backend, lattice_refusal
+from .compiled import states_of_lattice
 from .point_states import state_rows
 from .traversal import from_cells, to_cells
 
@@ -265,7 +266,8 @@ class Convolution(Backend):
         deformed = jnp.stack([U[0], *sums])[1:]  # U[0] is there because jnp.stack refuses an empty list
         deformed = jnp.where(self.filled > 0, deformed, 0.0)  # the sums in an empty cell may have no derivative
         reference, deformed = (x.reshape(x.shape[0], math.prod(self.cells)) for x in (self.reference, deformed))
-        rows = state_rows(model, dim, real, (reference, deformed), self.horizon)
+        rows = states_of_lattice(model, dim, (reference, deformed), self.horizon)
+        rows = state_rows(model, dim, real, (reference, deformed), self.horizon) if rows is None else rows
         state = jnp.stack([U[0].reshape(-1), *rows])[1:].reshape(-1, *self.cells)
         state = jnp.where(self.filled > 0, state, 0.0)
         return from_cells(jnp.stack(self._sum(self.plan.forces, dim, U, state)) * self.filled, self.sites)

@@ -80,6 +80,23 @@ def unavailable() -> str | None:
     return None
 
 
+def states_of_lattice(
+    model: PointStateModel, dim: int, sums: tuple[Array, Array], horizon: Array
+) -> list[Array] | None:
+    """The point states of a lattice of one material from both sums (entries, points), or None if XLA must make them."""
+    points = sums[0].shape[1]
+    if unavailable() or jax.default_backend() != "cpu" or sums[1].dtype != np.float64 or not len(sums[0]):
+        return None
+    from .layouts import Blank
+    from .machine import target
+    from .model_pairs import ModelPairs
+
+    if points < target()[1]:
+        return None
+    pairs = ModelPairs(model, -1, Blank.of(dim, points, True), horizon, None)
+    return pairs.states(*(list(x) for x in sums))[2]
+
+
 def refusal(model: AbstractModel, families: Families) -> str | None:
     """Why this backend cannot evaluate this model and body, or None if it can."""
     why = unavailable()
@@ -112,7 +129,7 @@ def _unserved(model: AbstractModel, families: Families) -> str | None:
     why: list[str | None] = []
 
     def trace(model: AbstractModel) -> None:
-        layout = Blank.of(families, lattice_refusal(model, families) is None)
+        layout = Blank.of(families.dim, 1, lattice_refusal(model, families) is None)
         horizon = jnp.ones((1,) * families.horizon.ndim, families.dtype)
         why.append(ModelPairs(model, len(families), layout, horizon, None).unserved())
 

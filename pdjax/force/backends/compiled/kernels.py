@@ -171,6 +171,7 @@ def points(program: PairProgram) -> ir.Module:
     shared = [f.spread(f.number(v, i)) for v, n in zip(numbers, program.numbers, strict=True) for i in range(n)]
 
     def vector(i, _):
+        i = f.least(i, b.sub(flat, LONG(f.width)))  # the last vector ends with the last number
         here = [f.vector(row, i) for row in rows]
         found = vectorised(f.lanes, program.jaxpr, [*here, *here, *[nothing] * (program.dim + 2), *shared])
         for row, x, y in zip(sums, found[: program.outs], found[program.outs :], strict=True):

@@ -208,17 +208,17 @@ class CloudBonds(Layout):
 
 
 class Blank(Layout):
-    """No body, but what tracing the programs of a model needs."""
+    """Points without bonds. It has what tracing the programs of a model needs, and what the loop over points needs."""
 
     kind: ClassVar[str] = "none"
 
     geometry: tuple = ()
 
     @staticmethod
-    def of(families: Families, lattice: bool) -> "Blank":
-        """The layout for bodies of this dimension, dtype and kind."""
-        one = jnp.ones(1, families.dtype)
-        return Blank(families.dim, True, one, one[0] if lattice else None, None, jnp.zeros(3, int))
+    def of(dim: int, flat: int, lattice: bool) -> "Blank":
+        """The layout of this number of points, with one volume for all or one for each."""
+        ones = jnp.ones(flat)
+        return Blank(dim, True, ones, ones[0] if lattice else None, None, jnp.asarray(_each(flat)))
 
     def embed(self, x: Array) -> Array:
         return x[:1].T

@@ -24,7 +24,7 @@ primitive.multiple_results = True
 
 
 def pair_sum(
-    program: PairProgram, kind: str, geometry: Sequence[Array], rows: list[Array], numbers: list[Array]
+    program: PairProgram, kind: str, geometry: Sequence, rows: list[Array], numbers: list[Array]
 ) -> list[Float[Array, " flat"]]:
     """Σ over the bonds of every point of what the program gives, one row for each sum.
 
