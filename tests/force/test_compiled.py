@@ -399,6 +399,45 @@ def test_models_of_users_have_the_forces_of_families(model):
         assert relative(found, expected) < 1e-13  # measured: 3e-15
 
 
+class Divided(pd.PointStateModel):
+    """A state that divides by a sum of the deformation, which is 0 where no point is."""
+
+    c: float
+    hyperelastic = False
+
+    def moments(self, bond):
+        w = bond.omega * bond.volume
+        return w * jnp.sum(bond.xi**2), w * jnp.sum((bond.xi + bond.eta) ** 2)
+
+    def state(self, sums):
+        return self.c * (1 - sums.reference / sums.deformed)
+
+    def bond_force(self, here, there, bond):
+        return bond.omega * here * (bond.xi + bond.eta)
+
+
+def test_gradients_in_the_model_are_finite_where_there_is_no_point():
+    for kind in ("lattice", "cloud"):
+        fams, u = body_of(kind, 13)
+        found, expected = (
+            jax.grad(lambda c, f=fams, u=u, w=w: jnp.sum(pd.force_density(Divided(c), f, u, way=w) ** 2))(1.3)
+            for w in ("compiled", "families")
+        )
+        assert abs(found / expected - 1) < 1e-12  # measured: 1e-14
+
+
+def test_a_law_that_closes_over_a_traced_value_is_evaluated_by_another_backend():
+    fams, u = body_of("lattice", 14)
+
+    def force(c, way="auto"):
+        law = pd.EnergyLaw(lambda E, _: c * jnp.sum(E * E), "E", 1.0)
+        return pd.force_density(pd.SethHill(1.0, law), fams, u, way=way)
+
+    assert relative(jax.jit(force)(2.0), force(2.0, "slices")) < 1e-13  # measured: 1e-15
+    with pytest.raises(ValueError, match="SethHill uses a traced value that is no field of it"):
+        jax.jit(lambda c: force(c, "compiled"))(2.0)
+
+
 @pytest.mark.filterwarnings("ignore:Explicitly requested dtype float64")
 def test_bodies_that_the_backend_cannot_evaluate_are_named():
     fams, u = body_of("lattice", 10)

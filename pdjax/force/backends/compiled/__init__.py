@@ -119,6 +119,7 @@ def refusal(model: AbstractModel, families: Families) -> str | None:
 
 def _unserved(model: AbstractModel, families: Families) -> str | None:
     """Why the formulas of a model cannot be translated, or None if they can. Their values do not matter."""
+    from .emit import NotVectorised
     from .layouts import Blank
     from .model_pairs import ModelPairs
 
@@ -133,7 +134,10 @@ def _unserved(model: AbstractModel, families: Families) -> str | None:
         horizon = jnp.ones((1,) * families.horizon.ndim, families.dtype)
         why.append(ModelPairs(model, len(families), layout, horizon, None).unserved())
 
-    eqx.filter_eval_shape(trace, model)
+    try:
+        eqx.filter_eval_shape(trace, model)
+    except NotVectorised as error:
+        why.append(str(error))
     return why[0] and f"{type(model).__name__} uses {why[0]}, which has no vector instruction"
 
 
