@@ -426,6 +426,11 @@ def test_gradients_in_the_model_are_finite_where_there_is_no_point():
         assert abs(found / expected - 1) < 1e-12  # measured: 1e-14
 
 
+def _scaled(law, factor):
+    """A law that closes over a factor."""
+    return pd.EnergyLaw(lambda E, c: factor * law.energy(E), "E", 1.0)
+
+
 def test_a_law_that_closes_over_a_traced_value_is_evaluated_by_another_backend():
     fams, u = body_of("lattice", 14)
 
@@ -434,6 +439,10 @@ def test_a_law_that_closes_over_a_traced_value_is_evaluated_by_another_backend()
         return pd.force_density(pd.SethHill(1.0, law), fams, u, way=way)
 
     assert relative(jax.jit(force)(2.0), force(2.0, "slices")) < 1e-13  # measured: 1e-15
+    correspondence = pd.Correspondence(pd.LinearElastic(1.3, 0.7))
+    law = pd.EnergyLaw(lambda E, _: 0.65 * jnp.trace(E) ** 2 + 0.7 * jnp.sum(E * E), "E", 1.0)
+    by_fft = jax.jit(lambda one: pd.force_density(pd.Correspondence(_scaled(law, one)), fams, u, way="fft"))(1.0)
+    assert relative(by_fft, pd.force_density(correspondence, fams, u, way="slices")) < 1e-13  # measured: 1e-15
     with pytest.raises(ValueError, match="SethHill uses a traced value that is no field of it"):
         jax.jit(lambda c: force(c, "compiled"))(2.0)
 

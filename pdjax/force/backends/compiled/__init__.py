@@ -87,14 +87,18 @@ def states_of_lattice(
     points = sums[0].shape[1]
     if unavailable() or jax.default_backend() != "cpu" or sums[1].dtype != np.float64 or not len(sums[0]):
         return None
+    from .emit import NotVectorised
     from .layouts import Blank
     from .machine import target
     from .model_pairs import ModelPairs
 
     if points < target()[1]:
         return None
-    pairs = ModelPairs(model, -1, Blank.of(dim, points, True), horizon, None)
-    return pairs.states(*(list(x) for x in sums))[2]
+    try:
+        pairs = ModelPairs(model, -1, Blank.of(dim, points, True), horizon, None)
+        return pairs.states(*(list(x) for x in sums))[2]
+    except NotVectorised:
+        return None
 
 
 def refusal(model: AbstractModel, families: Families) -> str | None:
