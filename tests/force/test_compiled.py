@@ -67,7 +67,7 @@ STRETCH = 10.0 ** spread(-3, 3, 1)
 ACCURATE = {
     "exp near 0": (jnp.exp, np.exp, (spread(-0.1, 0.1),), 5e-16),  # measured: 2.1e-16
     "exp": (jnp.exp, np.exp, (spread(-708, 709),), 5e-16),  # measured: 2.7e-16
-    "log": (jnp.log, np.log, (10.0 ** spread(-300, 300),), 5e-16),  # measured: 2.1e-16
+    "log": (jnp.log, np.log, (10.0 ** spread(-300, 300),), 5e-16),  # measured: 1.6e-16
     "log near 1": (jnp.log, np.log, (spread(0.5, 2.0),), 8e-16),  # measured: 4.3e-16
     "log1p near 0": (log1p, np.log1p, (spread(-0.1, 0.1),), 8e-16),  # measured: 4.4e-16
     "log1p": (log1p, np.log1p, (spread(-0.999, 10.0),), 8e-16),  # measured: 3.4e-16
@@ -103,7 +103,7 @@ def test_emitted_functions_have_the_special_values_of_jax(function):
     first = SPECIAL[SPECIAL != -np.inf] if function is jnp.power else SPECIAL  # (−∞)^0.5 is NaN here and ∞ in JAX
     rows = [x.ravel() for x in np.meshgrid(first, [*SPECIAL, 2.0, 3.0, 0.5, -3.0])] if two else [SPECIAL]
     expected = np.asarray(jax.jit(function)(*map(jnp.asarray, rows)))
-    np.testing.assert_allclose(at_points(function, *rows), expected, rtol=1e-13)  # measured: 1e-14, of 1e308^-0.06
+    np.testing.assert_allclose(at_points(function, *rows), expected, rtol=1e-13)  # measured: 2.4e-14, of (1e308)^0.06
 
 
 SCALARS = {
@@ -150,9 +150,7 @@ def derivatives(model, fams, u, way, twice):
     "name,kind,twice",
     [
         ("seth_hill m=-0.7", "lattice", False),
-        ("silling control", "cloud", False),
         ("littlewood control", "periodic", False),
-        ("bond_based m=-0.3", "periodic", True),
         ("bond_based m=-0.3", "cloud", True),
         ("lps", "horizons", True),
     ],
@@ -163,21 +161,21 @@ def test_derivatives_equal_those_of_families(name, kind, twice):
         jax.tree.leaves(derivatives(table.MODELS[name], fams, u, way, twice)) for way in ("compiled", "families")
     )
     for a, b in zip(found, expected, strict=True):
-        assert relative(a, b) < 1e-12  # measured: 2e-14
+        assert relative(a, b) < 1e-13  # measured: 1.3e-15
 
 
 def test_constants_may_vary_from_point_to_point():
     for kind in ("lattice", "cloud"):
         fams, u = body_of(kind, 2)
         m = jnp.linspace(-1, 1, 34)
-        model = pd.graded(pd.SethHill(m, pd.LinearElastic(1.3, m + 2)), 2 + m)
+        model = pd.graded(pd.LPS(2 + m, 0.7), 2 + m)
 
         def slope(way, m=model, fams=fams, u=u):
             return eqx.filter_jit(jax.grad(lambda m: jnp.sum(pd.force_density(m, fams, u, way=way) ** 2)))(m)
 
         slopes = slope("compiled"), slope("families")
         for a, b in zip(*map(jax.tree.leaves, slopes), strict=True):
-            assert relative(a, b) < 1e-12  # measured: 1e-15
+            assert relative(a, b) < 1e-12  # measured: 2e-15
 
 
 @pytest.mark.parametrize("kind", ["lattice", "cloud"])
@@ -234,7 +232,7 @@ def test_strips_and_parts_of_a_lattice_do_not_change_its_forces(name, monkeypatc
     model = table.MODELS["lps"]
     expected = pd.force_density(model, pd.families(body, horizon), u, way="slices")
     shares = set()
-    for strip, parts in ((1024, 64), (16, 64), (5, 7), (1, 2)):
+    for strip, parts in ((1024, 64), (16, 64), (5, 2)):
         monkeypatch.setattr(layouts, "STRIP", strip)
         monkeypatch.setattr(layouts, "PARTS", parts)
         operator = pd.force_operator(model, pd.families(body, horizon), "compiled")
@@ -289,7 +287,7 @@ def test_threads_of_python_may_compile_and_call_the_same_program_at_once():
     body = LATTICE
     _, u = body_of("lattice", 6)
     failed = []
-    for number in range(3):
+    for number in range(2):
         model = Numbered(number=number)
         all_ = [pd.families(body, 1.01) for _ in range(4)]
         expected = pd.force_density(model, all_[0], u, way="slices")
@@ -399,6 +397,54 @@ def test_models_of_users_have_the_forces_of_families(model):
         assert pd.force_operator(model, fams).way == "compiled"
         found, expected = (pd.force_density(model, fams, u, way=way) for way in ("compiled", "families"))
         assert relative(found, expected) < 1e-13  # measured: 3e-15
+
+
+class Divided(pd.PointStateModel):
+    """A state that divides by a sum of the deformation, which is 0 where no point is."""
+
+    c: float
+    hyperelastic = False
+
+    def moments(self, bond):
+        w = bond.omega * bond.volume
+        return w * jnp.sum(bond.xi**2), w * jnp.sum((bond.xi + bond.eta) ** 2)
+
+    def state(self, sums):
+        return self.c * (1 - sums.reference / sums.deformed)
+
+    def bond_force(self, here, there, bond):
+        return bond.omega * here * (bond.xi + bond.eta)
+
+
+def test_gradients_in_the_model_are_finite_where_there_is_no_point():
+    for kind in ("lattice", "cloud"):
+        fams, u = body_of(kind, 13)
+        found, expected = (
+            jax.grad(lambda c, f=fams, u=u, w=w: jnp.sum(pd.force_density(Divided(c), f, u, way=w) ** 2))(1.3)
+            for w in ("compiled", "families")
+        )
+        assert abs(found / expected - 1) < 1e-12  # measured: 1e-14
+
+
+def _scaled(law, factor):
+    """A law that closes over a factor."""
+    return pd.EnergyLaw(lambda E, c: factor * law.energy(E), "E", 1.0)
+
+
+def test_a_law_that_closes_over_a_traced_value_is_evaluated_by_another_backend():
+    fams, u = body_of("lattice", 14)
+
+    def force(c, way="auto"):
+        law = pd.EnergyLaw(lambda E, _: c * jnp.sum(E * E), "E", 1.0)
+        return pd.force_density(pd.SethHill(1.0, law), fams, u, way=way)
+
+    assert relative(jax.jit(force)(2.0), force(2.0, "slices")) < 1e-13  # measured: 1e-15
+    correspondence = pd.Correspondence(pd.LinearElastic(1.3, 0.7))
+    law = pd.EnergyLaw(lambda E, _: 0.65 * jnp.trace(E) ** 2 + 0.7 * jnp.sum(E * E), "E", 1.0)
+    by_fft = jax.jit(lambda one: pd.force_density(pd.Correspondence(_scaled(law, one)), fams, u, way="fft"))(1.0)
+    assert relative(by_fft, pd.force_density(correspondence, fams, u, way="slices")) < 1e-13  # measured: 1e-15
+    with pytest.raises(ValueError, match="SethHill uses a traced value that is no field of it"):
+        jax.jit(lambda c: force(c, "compiled"))(2.0)
 
 
 @pytest.mark.filterwarnings("ignore:Explicitly requested dtype float64")

@@ -243,3 +243,19 @@ def test_local_strain_is_twice_differentiable_at_equal_stretches(dim, order):
         for index in ((0, 0), (0, 1), (1, 0), (1, 1)) if order == 2 else ():
             up, down = (gradient(here.at[index].add(h), m, G) for h in (step, -step))
             assert worst((up - down) / (2 * step), hessian(here, m, G)[..., *index]) < 1e-8  # 9e-11
+
+
+def test_log1p_keeps_its_derivative_in_the_reverse_derivative_of_a_loop():
+    """JAX drops the derivative that `log1p` defines there. That of its formulas must be the same."""
+    u, v = jnp.asarray([0.1, 0.6, 3.0, 40.0, -0.7]), jnp.asarray([1.0, -0.5, 2.0, 0.3, 1.0])
+
+    def f(u):
+        return jnp.sum(jax.lax.scan(lambda t, k: (t + kin.log1p(k * u), None), 0 * u, jnp.asarray([0.5, 1.0]))[0] ** 2)
+
+    by_forward = jax.jvp(jax.grad(f), (u,), (v,))[1]
+    logs, slopes = (
+        sum(g(k, u) for k in (0.5, 1.0)) for g in (lambda k, u: jnp.log1p(k * u), lambda k, u: k / (1 + k * u))
+    )
+    curve = -sum((k / (1 + k * u)) ** 2 for k in (0.5, 1.0))
+    exact = 2 * (slopes**2 + logs * curve) * v
+    assert worst(by_forward, exact) < 1e-13 * worst(exact)  # measured: 1e-16

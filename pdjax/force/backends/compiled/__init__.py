@@ -87,14 +87,18 @@ def states_of_lattice(
     points = sums[0].shape[1]
     if unavailable() or jax.default_backend() != "cpu" or sums[1].dtype != np.float64 or not len(sums[0]):
         return None
+    from .emit import NotVectorised
     from .layouts import Blank
     from .machine import target
     from .model_pairs import ModelPairs
 
     if points < target()[1]:
         return None
-    pairs = ModelPairs(model, -1, Blank.of(dim, points, True), horizon, None)
-    return pairs.states(*(list(x) for x in sums))[2]
+    try:
+        pairs = ModelPairs(model, -1, Blank.of(dim, points, True), horizon, None)
+        return pairs.states(*(list(x) for x in sums))[2]
+    except NotVectorised:
+        return None
 
 
 def refusal(model: AbstractModel, families: Families) -> str | None:
@@ -119,6 +123,7 @@ def refusal(model: AbstractModel, families: Families) -> str | None:
 
 def _unserved(model: AbstractModel, families: Families) -> str | None:
     """Why the formulas of a model cannot be translated, or None if they can. Their values do not matter."""
+    from .emit import NotVectorised
     from .layouts import Blank
     from .model_pairs import ModelPairs
 
@@ -133,7 +138,10 @@ def _unserved(model: AbstractModel, families: Families) -> str | None:
         horizon = jnp.ones((1,) * families.horizon.ndim, families.dtype)
         why.append(ModelPairs(model, len(families), layout, horizon, None).unserved())
 
-    eqx.filter_eval_shape(trace, model)
+    try:
+        eqx.filter_eval_shape(trace, model)
+    except NotVectorised as error:
+        why.append(str(error))
     return why[0] and f"{type(model).__name__} uses {why[0]}, which has no vector instruction"
 
 

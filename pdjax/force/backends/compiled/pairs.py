@@ -20,7 +20,7 @@ import jax
 import numpy as np
 from jax.extend import core
 
-from .emit import unserved
+from .emit import NotVectorised, unserved
 
 Scalars = list[Any]
 
@@ -66,6 +66,8 @@ class PairProgram:
         one = jax.ShapeDtypeStruct((), np.dtype(np.float64))
         self.jaxpr = jax.make_jaxpr(flat)(*[one] * sum(sizes))
         self.outs = len(self.jaxpr.jaxpr.outvars) // 2
+        if any(isinstance(c, jax.core.Tracer) for c in self.jaxpr.consts):
+            raise NotVectorised("a traced value that is no field of it")
         consts = [repr(np.asarray(c).tolist()) for c in self.jaxpr.consts]
         printed = re.sub(r" at 0x[0-9a-f]+", "", str(self.jaxpr.jaxpr))  # addresses of functions
         self._key = (printed, *consts, *_literals(self.jaxpr.jaxpr), rows, self.numbers, dim)
@@ -144,7 +146,9 @@ def transposed(program: PairProgram, rows: tuple[int, ...], numbers: tuple[int, 
         zero = np.zeros(())
         like = [zero] * len(rows), [zero] * len(rows), [[zero] * program.numbers[k] for k in numbers]
         mine, theirs, some = jax.linear_transpose(of, *like)((here[fixed:], there[fixed:]))
-        halves = [0.5 * x for v in some for x in v]
+        # Where no point is, w is 0, and the model may divide by a sum that is 0. Without this 0 · ∞ would be NaN.
+        used = functools.reduce(jax.numpy.logical_or, [w != 0 for w in (*here[fixed:], *there[fixed:])])
+        halves = [jax.lax.select(used, 0.5 * x, zero) for v in some for x in v]
         return [*mine, *halves], [*theirs, *halves]
 
     return PairProgram(function, fixed + program.outs, _others(program.numbers, numbers), program.dim)
