@@ -129,9 +129,16 @@ def sentences():
     yield f"g = {several([needed['penalty g'][a] for a in loads], 3, 1.0)} at −1, −5 and −10 %"
     yield f"C = {several([needed['hourglass C'][a] for a in loads], 3, 1.0)}"
     yield f"to {percent(cases[2, 1.0, 'Wan']['critical']['negative'], 2)} % (2D hydrostatic)"
-    speed = {name: row["speed of pdjax over it"]["Numba, lattice, 2"] for name, row in saved("peers")["forces"].items()}
-    yield f"pdjax has {speed['PMB, N = 3']:.2f} (bond-based), {speed['LPS, N = 3']:.2f} (LPS)"
-    yield f"{speed['Silling, N = 3']:.2f} (Silling; {speed['Silling, N = 6']:.1f} at a horizon of 6)"
+    peers = saved("peers")
+    for name, row in peers["forces"].items():
+        every, lists = row["speed over Numba in every process"], row["speed of pdjax, cloud, over it"]
+        words = f"{row['speed of pdjax over it']['Numba, lattice, 2']:.2f} ({min(every):.2f} to {max(every):.2f})"
+        yield f"| {name.replace('PMB', 'bond-based')} | {words} | {lists['Numba, list, 2']:.2f} |"
+    rows = peers["scaling and derivatives"].values()
+    for key, text in (("jvp over force", "A JVP takes {} to {} times"), ("vjp over force", "a VJP {} to {} times")):
+        yield text.format(*(f"{f(row[key] for row in rows):.1f}" for f in (min, max)))
+    ratios = [row["a point of the large body over one of the small"] for row in rows]
+    yield f"costs there {min(ratios):.2f} to {max(ratios):.2f} times"
 
 
 @pytest.mark.parametrize("sentence", list(sentences()))
