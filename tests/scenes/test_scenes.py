@@ -167,6 +167,16 @@ def test_local_strain_has_first_and_second_derivatives_in_the_stress():
         assert abs(float(jax.grad(slope)(stress)) * rate**3 / -(3 + 3 * e) - 1) < 1e-11
 
 
+def test_gradients_of_the_singular_bar_are_finite_although_some_stresses_have_no_local_solution():
+    """Near the middle the modulus is so small that the law cannot carry the stress."""
+
+    def load(stress):
+        return jnp.sum(pd.scenes.singular_bar(30, 2, stress, 2.0).load)
+
+    forward = jax.jvp(load, (0.02,), (1.0,))[1]
+    assert abs(float(jax.grad(load)(0.02)) / float(forward) - 1) < 1e-12  # measured 4e-16
+
+
 def test_strain_is_nan_where_the_local_bar_has_no_solution():
     """In compression a part of the bar has no solution: there σ (1 + α/2t) is below −1/√27."""
     x, stress = np.linspace(0.5, 1.0, 101), -0.05

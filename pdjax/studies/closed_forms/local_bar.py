@@ -85,7 +85,9 @@ def local_strain_of_stress(model: AbstractModel, stress) -> Float[Array, "..."]:
             throw=False,
         )
         e = jnp.where(reachable & (frozen != 0), found.value * end, 0.0)
-        e = implicit_root(lambda x: uniaxial_piola(model, x) - target, e, order=3)  # The steps also improve its value.
+        # A stress out of reach gets the root 0 of the stress 0: its own steps diverge, and 0 · ∞ would enter gradients.
+        within = jnp.where(reachable, target, 0.0)
+        e = implicit_root(lambda x: uniaxial_piola(model, x) - within, e, order=3)  # The steps also improve its value.
         return jnp.where(reachable, e, jnp.nan)
 
     return jax.vmap(one)(stress.reshape(-1)).reshape(stress.shape)
