@@ -134,7 +134,7 @@ def crossed(families: Families, surface: Surface) -> np.ndarray:
         raise ValueError(f"the surface must lie in the body's dim {families.dim}; got {surface}")
     X, xi = np.asarray(families.positions, float), np.asarray(families.xi, float)
     height = (X - point) @ normal
-    tie = (1e-6 if families.dtype == np.float32 else 1e-9) * float(np.max(families.horizon))
+    tie = (1e-6 if families.dtype == np.float32 else 1e-9) * float(np.max(np.asarray(families.horizon)))
     inside = np.all([(X - p) @ d >= -tie for p, d in edges], axis=0) if edges else np.ones(len(X), bool)
     on = np.flatnonzero((np.abs(height) <= tie) & inside)
     if len(on):
