@@ -13,7 +13,7 @@ import jaxlib
 from llvmlite import ir
 
 from .emit import LONG
-from .loops import BUFFERS, INT, POINTER, VOID, declared
+from .loops import BUFFERS, INT, POINTER, VOID, Loops, declared
 
 HEADER = Path(jaxlib.__file__).parent / "include" / "xla" / "ffi" / "api" / "c_api.h"
 EXTENSION, API, CONTEXT, STAGE = 8, 16, 24, 32
@@ -42,7 +42,8 @@ def add_handler(module: ir.Module, item: ir.Function, phases: int, sizes: int) -
     run = _run(module, item)
     handler = ir.Function(module, ir.FunctionType(POINTER, [POINTER]), "handler")
     (frame,) = handler.args
-    b = ir.IRBuilder(handler.append_basic_block("entry"))
+    loops = Loops(handler, 1)
+    b = loops.builder
     offsets, version = functions()
 
     def place(base, offset, kind):
@@ -72,19 +73,12 @@ def add_handler(module: ir.Module, item: ir.Function, phases: int, sizes: int) -
 
     for source, count, start in ((ARGUMENTS, given, LONG(BUFFERS)), (RESULTS, wanted, b.add(given, LONG(BUFFERS)))):
         table = b.bitcast(read(frame, source, POINTER), POINTER.as_pointer())
-        before = b.block
-        head, inside, after = (handler.append_basic_block() for _ in range(3))
-        b.branch(head)
-        b.position_at_end(head)
-        k = b.phi(LONG)
-        k.add_incoming(LONG(0), before)
-        b.cbranch(b.icmp_signed("<", k, count), inside, after)
-        b.position_at_end(inside)
-        buffer = b.load(b.gep(table, [k]))
-        b.store(read(buffer, DATA), word(b.add(start, k)))
-        k.add_incoming(b.add(k, LONG(1)), inside)
-        b.branch(head)
-        b.position_at_end(after)
+
+        def copy(k, _, table=table, start=start):
+            b.store(read(b.load(b.gep(table, [k])), DATA), word(b.add(start, k)))
+            return []
+
+        loops.loop(LONG(0), count, 1, [], copy)
     items = b.load(b.gep(b.inttoptr(b.load(word(BUFFERS + sizes)), LONG.as_pointer()), [LONG(2)]))
     api, context = read(frame, API, POINTER), read(frame, CONTEXT, POINTER)
 
@@ -116,21 +110,15 @@ def add_handler(module: ir.Module, item: ir.Function, phases: int, sizes: int) -
         (LONG(40), LONG(0), b.ptrtoint(context, LONG), b.ptrtoint(run, LONG), b.ptrtoint(memory, LONG))
     ):
         b.store(x, b.gep(task, [LONG(k)]))
-    before = b.block
-    head, inside, after = (handler.append_basic_block() for _ in range(3))
-    b.branch(head)
-    b.position_at_end(head)
-    k = b.phi(LONG)
-    k.add_incoming(LONG(1), before)
-    b.cbranch(b.icmp_signed("<", k, count), inside, after)
-    b.position_at_end(inside)
-    error = api_call("XLA_FFI_ThreadPool_Schedule", task)
-    with b.if_then(b.icmp_unsigned("!=", error, null)):
-        destroy(error)
-        b.atomic_rmw("sub", word(0), LONG(1), "seq_cst")
-    k.add_incoming(b.add(k, LONG(1)), b.block)
-    b.branch(head)
-    b.position_at_end(after)
+
+    def schedule(k, _):
+        error = api_call("XLA_FFI_ThreadPool_Schedule", task)
+        with b.if_then(b.icmp_unsigned("!=", error, null)):
+            destroy(error)
+            b.atomic_rmw("sub", word(0), LONG(1), "seq_cst")
+        return []
+
+    loops.loop(LONG(1), count, 1, [], schedule)
     # The last part may be under way in another thread: its words must outlive `run`, so one more user is counted.
     b.atomic_rmw("add", word(0), LONG(1), "seq_cst")
     b.call(run, [memory])
