@@ -49,9 +49,9 @@ from .fields import check_model, point_field
 BACKENDS: dict[str, BackendModule] = {"families": padded, "slices": slices, "fft": fft, "compiled": compiled}
 WAYS = ("auto", *BACKENDS)
 HUGE = 3.0  # a body that moves apart by more than this many times its size has probably a wrong u
-FASTEST = ("compiled", "slices", "families", "fft")  # "auto" takes the first that can
-# Offsets from which "fft" of degree 1 is faster than "slices" and than "compiled" (3D: N = 3 has 122, N = 4 has 256).
-MANY = {False: 100, True: 250}
+FASTEST = ("compiled", "slices", "families")  # "auto" takes the first that can, or "fft"
+# Offsets from which "fft" of degree 1 is faster than these backends (3D: N = 3 has 122, N = 4 has 256).
+MANY = {"slices": 100, "compiled": 250}
 
 
 def ways_of(model: AbstractModel, families: Families) -> tuple[str, ...]:
@@ -68,15 +68,15 @@ def _choose(model: AbstractModel, families: Families, way: str, mean: bool) -> s
     if way == "auto" and padded.is_small(families):
         return "families"
     if way == "auto":
-        able = [w for w in FASTEST if _refusal(model, families, w, mean) is None]
-        if not able:
+        found = next((w for w in FASTEST if _refusal(model, families, w, mean) is None), None)
+        if found is None:
             raise ValueError(
                 f"{type(model).__name__} needs families with arrays, but these were made with arrays=False; make them"
                 " with arrays=True"
             )
-        many = MANY[able[0] == "compiled"]
-        use_fft = "fft" in able and model.degree == 1 and len(families.grid.offsets) >= many  # type: ignore[union-attr]
-        return "fft" if use_fft else able[0]
+        lattice = model.degree == 1 and families.grid is not None and found in MANY
+        many = lattice and len(families.grid.offsets) >= MANY[found]  # type: ignore[union-attr]
+        return "fft" if many and _refusal(model, families, "fft", mean) is None else found
     why = _refusal(model, families, way, mean)
     if why:
         able = [w for w in BACKENDS if _refusal(model, families, w, mean) is None]

@@ -10,7 +10,7 @@ The layouts are the traversals of `traversal` and those of `pdjax.force.backends
 """
 
 from collections.abc import Callable
-from typing import Protocol, runtime_checkable
+from typing import Protocol, TypeVar, runtime_checkable
 
 import equinox as eqx
 import jax
@@ -20,10 +20,15 @@ from jax.tree_util import PyTreeDef
 from jax.typing import DTypeLike
 from jaxtyping import Array, Float, PyTree
 
-from ...geometry.bonds import Bonds
+from ..._internal.checks import is_concrete
+from ..._internal.dependence import known_part
+from ..._internal.memory import remember
+from ...geometry.bonds import Bonds, Families
 from ...models.base import AbstractModel, PointStateModel, Sums
 from ...models.pointwise import directions_of_rest, split_model
 from .components import by_components, join, one_entry, trees
+
+Result = TypeVar("Result")
 
 
 @runtime_checkable
@@ -92,6 +97,27 @@ def reference_moments(model: PointStateModel, points: int, dim: int) -> PyTree:
     varying, shared = split_model(model, points)
     first = eqx.combine(jax.tree.map(lambda x: x[0], varying), shared)
     return first.moments(Bonds(jnp.ones(dim), jnp.zeros(dim), *map(jnp.ones, ((), (), ()))))[0]
+
+
+def kept_reference(
+    model: PointStateModel,
+    families: Families,
+    layout: str,
+    of_known: Callable[[PointStateModel], Result],
+    of_traced: Callable[[PointStateModel], Result],
+) -> Result:
+    """The sums of the reference configuration in a layout, kept with the families for all models that share them.
+
+    Sums that depend on traced values are `of_traced(model)`, and are not kept.
+    """
+    part = None
+    if is_concrete(families):
+        points, dim = len(families), families.dim
+        part = known_part(families, "reference", lambda m: reference_moments(m, points, dim), model)
+    if part is None:
+        return of_traced(model)
+    key, there = part
+    return remember(families, ("reference sums", layout, key), lambda: of_known(there))
 
 
 def bonds_of_rest(dim: int, horizon: Array, dtype: DTypeLike) -> Bonds:

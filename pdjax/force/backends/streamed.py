@@ -10,13 +10,12 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
 from ..._internal.checks import is_concrete
-from ..._internal.dependence import known_part
 from ..._internal.memory import remember
 from ...geometry.bonds import Bonds, Families
 from ...models.base import AbstractModel, PointStateModel
 from ...models.pointwise import split_model
 from .backend import Backend
-from .point_states import reference_moments
+from .point_states import kept_reference
 from .streaming import (
     breaks_in_the_loop,
     reference_sums,
@@ -106,11 +105,4 @@ def prepare_streamed(model: AbstractModel, families: Families, kind: type[Traver
             at_rest = kind.of(eqx.tree_at(lambda f: f.weight, families, families.intact))
         return _reference(model, at_rest, families.horizon, points, families.dim)
 
-    part = None
-    if known:
-        part = known_part(families, "reference", lambda m: reference_moments(m, points, families.dim), model)
-    if part is None:
-        return Streamed(traversal, sums(model), families.horizon)
-    key, there = part
-    reference = remember(families, ("reference sums", name, key), lambda: sums(there))
-    return Streamed(traversal, reference, families.horizon)
+    return Streamed(traversal, kept_reference(model, families, name, sums, sums), families.horizon)

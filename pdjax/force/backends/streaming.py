@@ -137,9 +137,7 @@ def reference_sums(
     sums = _sum_moments(varying, traversal, 0, u, None, horizon)
     if traversal.filled is None:
         return with_rest(varying.single(), sums, jnp.all(sums == 0, axis=0), bonds_of_rest(dim, horizon, dtype))
-    rest, volumes = jnp.zeros_like(traversal.xi), jnp.full(len(traversal.xi), traversal.cell)
-    full = Bonds(traversal.xi, rest, traversal.omega, volumes, horizon)
-    return with_rest(varying.single(), sums, traversal.filled <= 0, full)
+    return with_rest(varying.single(), sums, traversal.filled <= 0, traversal.full_family(horizon))
 
 
 def sums_of_families(model: PointStateModel, bonds: Bonds) -> Float[Array, "entries few"]:

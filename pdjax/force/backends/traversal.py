@@ -28,7 +28,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from ..._internal.checks import namespace, on_device, on_host
-from ...geometry.bonds import Families, Grid
+from ...geometry.bonds import Bonds, Families, Grid
 
 # Allowed numbers of slots in one step of the loop. Several slots a step are faster on a large lattice, where adding to
 # the sums takes most of the time.
@@ -175,6 +175,10 @@ class LatticeTraversal(eqx.Module):
         return eqx.tree_at(lambda w: w.filled, traversal, on_device(traversal.embed(points)[0]))
 
     back = None
+
+    def full_family(self, horizon: Array) -> Bonds:
+        """The bonds of an interior point at rest."""
+        return Bonds(self.xi, jnp.zeros_like(self.xi), self.omega, jnp.full(len(self.xi), self.cell), horizon)
 
     @property
     def volumes(self) -> Array:

@@ -31,13 +31,12 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ...._internal.checks import is_concrete
-from ...._internal.dependence import known_part
 from ...._internal.memory import remember
 from ...._internal.xla import ONCE, compiled_with
 from ....geometry.bonds import Families
 from ....models.base import AbstractModel, PointStateModel
 from ..backend import Backend, lattice_refusal
-from ..point_states import reference_moments
+from ..point_states import kept_reference
 
 INSTALL = 'it needs the package llvmlite; install it with: pip install "pdjax[compiled]"'
 
@@ -164,12 +163,13 @@ def prepare(model: AbstractModel, families: Families) -> Backend:
         horizon = jnp.asarray(families.horizon)
         horizon = layout.embed(horizon[:, None])[0] if horizon.ndim else horizon
     assert isinstance(model, PointStateModel)
-    points, dim = len(families), families.dim
-    part = known_part(families, "reference", lambda m: reference_moments(m, points, dim), model)
-    if part is None:
-        return Compiled(layout, _reference_of_traced(model, layout, horizon, points), horizon)
-    key, there = part
-    name = ("reference sums", kind.kind, key)
-    # A known order of a strain makes the program shorter, although the reference sums do not depend on it.
-    reference = remember(families, name, lambda: _reference_of_known(there.specialised(), layout, horizon, points))
+    points = len(families)
+    reference = kept_reference(
+        model,
+        families,
+        kind.kind,
+        # A known order of a strain makes the program shorter, although the reference sums do not depend on it.
+        lambda known: _reference_of_known(known.specialised(), layout, horizon, points),
+        lambda traced: _reference_of_traced(traced, layout, horizon, points),
+    )
     return Compiled(layout, reference, horizon)

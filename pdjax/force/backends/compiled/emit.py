@@ -52,6 +52,11 @@ def _kind(dtype: Any) -> ir.Type:
     raise NotVectorised(f"numbers of the type {dtype}")
 
 
+def declared(module: ir.Module, name: str, result: ir.Type, arguments: list[ir.Type]) -> ir.Function:
+    """A function that is defined elsewhere: of the C library, or an intrinsic one of LLVM."""
+    return module.globals.get(name) or ir.Function(module, ir.FunctionType(result, arguments), name)
+
+
 class Lanes:
     """Vector instructions of a function under construction, for vectors of `width` lanes."""
 
@@ -69,11 +74,7 @@ class Lanes:
     def call(self, name: str, *operands: ir.Value) -> ir.Value:
         """An intrinsic function of LLVM whose operands and result have one type."""
         one = operands[0].type
-        suffix = f"v{self.width}f64"
-        signature = ir.FunctionType(one, [one] * len(operands))
-        module = self.builder.module
-        full = f"llvm.{name}.{suffix}"
-        function = module.globals.get(full) or ir.Function(module, signature, full)
+        function = declared(self.builder.module, f"llvm.{name}.v{self.width}f64", one, [one] * len(operands))
         return self.builder.call(function, operands, fastmath=FAST)
 
     def add(self, a: ir.Value, b: ir.Value) -> ir.Value:
@@ -122,9 +123,7 @@ class Lanes:
         """near() if |x| ≤ SMALL in every lane, else far()."""
         b = self.builder
         inside = b.fcmp_ordered("<=", self.call("fabs", x), self.constant(SMALL))
-        kind = self.type(BIT)
-        name = f"llvm.vector.reduce.and.v{self.width}i1"
-        all_ = b.module.globals.get(name) or ir.Function(b.module, ir.FunctionType(BIT, [kind]), name)
+        all_ = declared(b.module, f"llvm.vector.reduce.and.v{self.width}i1", BIT, [self.type(BIT)])
         with b.if_else(b.call(all_, [inside])) as (then, otherwise):
             with then:
                 first, first_end = near(), b.block
@@ -325,7 +324,7 @@ class Parted:
 
     def __init__(self, program: core.ClosedJaxpr, early: list[bool]):
         jaxpr = self.jaxpr = program.jaxpr
-        self.program, self.early = program, early
+        self.program = program
         needed = {v for v in jaxpr.outvars if not isinstance(v, core.Literal)}
         live = []
         for eqn in reversed(jaxpr.eqns):

@@ -12,8 +12,8 @@ from pathlib import Path
 import jaxlib
 from llvmlite import ir
 
-from .emit import LONG
-from .loops import BUFFERS, INT, POINTER, VOID, Loops, declared
+from .emit import LONG, declared
+from .loops import BUFFERS, INT, POINTER, VOID, Loops
 
 HEADER = Path(jaxlib.__file__).parent / "include" / "xla" / "ffi" / "api" / "c_api.h"
 EXTENSION, API, CONTEXT, STAGE = 8, 16, 24, 32
@@ -62,10 +62,8 @@ def add_handler(module: ir.Module, item: ir.Function, phases: int, sizes: int) -
             b.ret(null)
     with b.if_then(b.icmp_unsigned("!=", read(frame, STAGE, INT), INT(EXECUTE))):
         b.ret(null)
-    malloc = declared(module, "malloc", POINTER, [LONG])
     given, wanted = read(frame, COUNT_OF_ARGUMENTS), read(frame, COUNT_OF_RESULTS)
-    bytes_ = b.mul(b.add(b.add(given, wanted), LONG(BUFFERS)), LONG(8))
-    memory = b.call(malloc, [bytes_])
+    memory = b.bitcast(loops.memory(b.add(b.add(given, wanted), LONG(BUFFERS))), POINTER)
     work = b.bitcast(memory, LONG.as_pointer())
 
     def word(index):

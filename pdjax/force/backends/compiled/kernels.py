@@ -32,7 +32,7 @@ ITEM = ir.FunctionType(VOID, [LONG.as_pointer(), LONG, LONG])
 
 
 def _started(program: PairProgram, geometry: list[ir.Type]) -> tuple:
-    """A module with an empty function `item`, its loops, and its buffers: rows, numbers, geometry, sums."""
+    """A module with an empty function `item` and its loops; the rows, the shared numbers, the geometry and the sums."""
     machine, width = target()
     module = ir.Module("pairs")
     module.triple = machine.triple
@@ -42,38 +42,38 @@ def _started(program: PairProgram, geometry: list[ir.Type]) -> tuple:
     counts = program.rows, len(program.numbers), len(geometry), program.outs
     kinds = [DOUBLE] * (counts[0] + counts[1]) + geometry + [DOUBLE] * counts[3]
     all_ = iter(loops.buffers(item.args[0], kinds))
-    return module, item, loops, *([next(all_) for _ in range(n)] for n in counts)
+    rows, vectors, arrays, sums = ([next(all_) for _ in range(n)] for n in counts)
+    lengths = zip(vectors, program.numbers, strict=True)
+    shared = [loops.spread(loops.number(v, i)) for v, n in lengths for i in range(n)]
+    return module, item, loops, rows, shared, arrays, sums
 
 
-def _finished(module: ir.Module, item: ir.Function, phases: int, operands: int) -> ir.Module:
-    add_handler(module, item, phases, operands - 1)
+def _finished(module: ir.Module, item: ir.Function, phases: int, program: PairProgram, geometry: list) -> ir.Module:
+    """The module with its handler. `sizes` is the last array of the geometry."""
+    add_handler(module, item, phases, program.rows + len(program.numbers) + len(geometry) - 1)
     return module
 
 
 def lattice(program: PairProgram) -> ir.Module:
     """All pairs of a lattice, each once."""
     kinds = [DOUBLE, DOUBLE, DOUBLE, LONG, LONG]
-    module, item, f, rows, numbers, (filled, xi, omega, shifts, sizes), sums = _started(program, kinds)
+    module, item, f, rows, shared, (filled, xi, omega, shifts, sizes), sums = _started(program, kinds)
     _, phase, k = item.args
     b, lanes, zero = f.builder, f.lanes, f.lanes.constant(0.0)
-    cells, part, items, offsets, flat, plane, strip = (f.number(sizes, i) for i in range(7))
-    shared = [f.spread(f.number(v, i)) for v, n in zip(numbers, program.numbers, strict=True) for i in range(n)]
+    cells, part, _, offsets, flat, plane, strip, cleared = (f.number(sizes, i) for i in range(8))
     dim, blank = program.dim, [zero] * len(rows)
     # What depends on the offset alone is computed once for each offset: `count` numbers a row of the table.
     parted = Parted(program.jaxpr, [False] * 2 * len(rows) + [True] * (dim + 2 + len(shared)))
     count = LONG(parted.count)
-    table = f.memory(b.mul(offsets, count))
 
-    def tabulate(h, _):
+    def tabulate(h, table):
         bond = [f.spread(f.number(xi, b.add(b.mul(h, LONG(dim)), LONG(d)))) for d in range(dim)]
         weight = f.spread(f.number(omega, h))
         for n, x in enumerate(parted.first(lanes, [*blank, *blank, *bond, weight, weight, *shared])):
             b.store(b.extract_element(x, INT(0)), b.gep(table, [b.add(b.mul(h, count), LONG(n))]))
         return []
 
-    f.loop(LONG(0), offsets, 1, [], tabulate)
-
-    def pairs(i, end):
+    def pairs(i, end, table):
         here = [f.vector(row, i) for row in rows]
         real = b.select(f.below(i, end), f.vector(filled, i), zero)
 
@@ -98,16 +98,14 @@ def lattice(program: PairProgram) -> ir.Module:
             f.store(zero, row, i)
         return []
 
-    def run(start, end):
-        f.loop(start, end, f.width, [], lambda i, _: pairs(i, end))
-
-    def strips(part_start, part_end):
+    def strips(part_start, part_end, table):
         """The same strip of all planes, then the next one: neighbours in the next planes stay in the cache."""
 
         def of(t, _):
             def of_plane(x, _):
-                run(b.add(x, t), f.least(f.least(b.add(b.add(x, t), strip), b.add(x, plane)), part_end))
-                return []
+                start = b.add(x, t)
+                end = f.least(f.least(b.add(start, strip), b.add(x, plane)), part_end)
+                return f.loop(start, end, f.width, [], lambda i, _: pairs(i, end, table))
 
             return f.loop(part_start, part_end, plane, [], of_plane)
 
@@ -115,27 +113,25 @@ def lattice(program: PairProgram) -> ir.Module:
 
     with b.if_else(b.icmp_signed("==", phase, LONG(0))) as (at_first, then):
         with at_first:
-            share = b.mul(
-                b.sdiv(b.add(flat, b.sub(b.mul(items, LONG(f.width)), LONG(1))), b.mul(items, LONG(f.width))),
-                LONG(f.width),
-            )
-            f.loop(f.least(b.mul(k, share), flat), f.least(b.mul(b.add(k, LONG(1)), share), flat), f.width, [], clear)
+            start = b.mul(k, cleared)
+            f.loop(f.least(start, flat), f.least(b.add(start, cleared), flat), f.width, [], clear)
         with then:
+            table = f.memory(b.mul(offsets, count))
+            f.loop(LONG(0), offsets, 1, [], lambda h, _: tabulate(h, table))
             start = b.mul(b.sub(b.add(b.shl(k, LONG(1)), phase), LONG(1)), part)
-            strips(f.least(start, cells), f.least(b.add(start, part), cells))
-    f.release(table)
+            strips(f.least(start, cells), f.least(b.add(start, part), cells), table)
+            f.release(table)
     b.ret_void()
-    return _finished(module, item, 3, len(rows) + len(numbers) + len(kinds))
+    return _finished(module, item, 3, program, kinds)
 
 
 def cloud(program: PairProgram) -> ir.Module:
     """All bonds of a cloud, from both ends."""
     kinds = [INT, DOUBLE, DOUBLE, DOUBLE, LONG, LONG]
-    module, item, f, rows, numbers, (neighbours, xi, omega, back, firsts, sizes), sums = _started(program, kinds)
+    module, item, f, rows, shared, (neighbours, xi, omega, back, firsts, sizes), sums = _started(program, kinds)
     k = item.args[2]
     b, lanes, zero = f.builder, f.lanes, f.lanes.constant(0.0)
     groups, part, bonds = (f.number(sizes, i) for i in (0, 1, 3))
-    shared = [f.spread(f.number(v, i)) for v, n in zip(numbers, program.numbers, strict=True) for i in range(n)]
 
     def group(q, _):
         i = b.mul(q, LONG(f.width))
@@ -159,16 +155,15 @@ def cloud(program: PairProgram) -> ir.Module:
     start = b.mul(k, part)
     f.loop(f.least(start, groups), f.least(b.add(start, part), groups), 1, [], group)
     b.ret_void()
-    return _finished(module, item, 1, len(rows) + len(numbers) + len(kinds))
+    return _finished(module, item, 1, program, kinds)
 
 
 def points(program: PairProgram) -> ir.Module:
     """Every point alone: the program sees the point at both ends, and the sum is (near + far)."""
     kinds = [LONG]
-    module, item, f, rows, numbers, (sizes,), sums = _started(program, kinds)
+    module, item, f, rows, shared, (sizes,), sums = _started(program, kinds)
     b, nothing = f.builder, f.lanes.constant(0.0)
     flat, part = (f.number(sizes, i) for i in (0, 1))
-    shared = [f.spread(f.number(v, i)) for v, n in zip(numbers, program.numbers, strict=True) for i in range(n)]
 
     def vector(i, _):
         i = f.least(i, b.sub(flat, LONG(f.width)))  # the last vector ends with the last number
@@ -181,7 +176,7 @@ def points(program: PairProgram) -> ir.Module:
     start = b.mul(item.args[2], part)
     f.loop(f.least(start, flat), f.least(b.add(start, part), flat), f.width, [], vector)
     b.ret_void()
-    return _finished(module, item, 1, len(rows) + len(numbers) + len(kinds))
+    return _finished(module, item, 1, program, kinds)
 
 
 KERNELS: dict[str, Callable[[PairProgram], ir.Module]] = {"lattice": lattice, "cloud": cloud, "points": points}

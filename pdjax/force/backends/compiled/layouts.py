@@ -49,9 +49,9 @@ class Layout(eqx.Module):
     def collect(self, rows: list[Array]) -> Array:
         """Rows (flat,) → (points, components)."""
 
-    @abstractmethod
     def rest(self, sums: Float[Array, "entries flat"], horizon: Array) -> tuple[Bool[Array, " flat"], Bonds]:
         """Which points have no bonds, and bonds for them to have instead."""
+        return jnp.all(sums == 0, axis=0), bonds_of_rest(self.dim, horizon, sums.dtype)
 
     def renew(self, rows: list[Array]) -> list[Array]:
         """Rows after a computation at all places, ready to be read by neighbours."""
@@ -92,7 +92,7 @@ class LatticePairs(Layout):
     xi: Float[Array, "offsets dim"]
     omega: Float[Array, " offsets"]
     shifts: Int[Array, " offsets"]
-    sizes: Int[Array, "7"]  # cells, cells of a part, parts of a phase, offsets, flat, cells of a plane and of a strip
+    sizes: Int[Array, "8"]  # see `of`
 
     @staticmethod
     def of(families: Families) -> "LatticePairs":
@@ -102,7 +102,10 @@ class LatticePairs(Layout):
         half, reach = t.shifts > 0, int(t.shifts.max(initial=0))
         part, items, plane, strip = _parts(t.flat, t.flat // (t.cells[0] + t.before[0] + t.behind[0]), reach, width)
         row = _up(t.flat + reach + width, width)
-        sizes = np.array([t.flat, part, items, half.sum(), row, plane, strip], np.int64)
+        # Cells, cells of a part, parts of a phase, offsets, numbers of a row, cells of a plane and of a strip, and how
+        # many numbers of a row an item of the first phase sets to 0.
+        cleared = _up(-(-row // items), width)
+        sizes = np.array([t.flat, part, items, half.sum(), row, plane, strip, cleared], np.int64)
         filled = np.pad(t.filled, (0, row - t.flat))
         volumes, filled, each, pairs = on_device(
             (t.cell * filled, filled, _each(row), (t.xi[half], t.omega[half], t.shifts[half].astype(np.int64), sizes))
@@ -125,9 +128,7 @@ class LatticePairs(Layout):
         return list(self.embed(self.collect(rows))) if rows and any(self.traversal.periodic) else rows
 
     def rest(self, sums: Float[Array, "entries flat"], horizon: Array) -> tuple[Bool[Array, " flat"], Bonds]:
-        t = self.traversal
-        full = Bonds(t.xi, jnp.zeros_like(t.xi), t.omega, jnp.full(len(t.xi), t.cell), horizon)
-        return self.volumes <= 0, full
+        return self.volumes <= 0, self.traversal.full_family(horizon)
 
 
 def _curve(positions: np.ndarray) -> np.ndarray:
@@ -203,9 +204,6 @@ class CloudBonds(Layout):
     def collect(self, rows: list[Array]) -> Array:
         return jnp.stack(rows, axis=1)[self.place]
 
-    def rest(self, sums: Float[Array, "entries flat"], horizon: Array) -> tuple[Bool[Array, " flat"], Bonds]:
-        return jnp.all(sums == 0, axis=0), bonds_of_rest(self.dim, horizon, sums.dtype)
-
 
 class Blank(Layout):
     """Points without bonds. It has what tracing the programs of a model needs, and what the loop over points needs."""
@@ -225,6 +223,3 @@ class Blank(Layout):
 
     def collect(self, rows: list[Array]) -> Array:
         return jnp.stack(rows, axis=1)
-
-    def rest(self, sums: Float[Array, "entries flat"], horizon: Array) -> tuple[Bool[Array, " flat"], Bonds]:
-        return jnp.all(sums == 0, axis=0), bonds_of_rest(self.dim, horizon, sums.dtype)

@@ -4,16 +4,11 @@ from collections.abc import Callable
 
 from llvmlite import ir
 
-from .emit import DOUBLE, LONG, Lanes
+from .emit import DOUBLE, LONG, Lanes, declared
 
 INT, BYTE, VOID = ir.IntType(32), ir.IntType(8), ir.VoidType()
 POINTER = ir.PointerType(BYTE)
 BUFFERS = 5  # the first word of `work` that holds an address; see `handler`
-
-
-def declared(module: ir.Module, name: str, result: ir.Type, arguments: list[ir.Type]) -> ir.Function:
-    """A function of the C library."""
-    return module.globals.get(name) or ir.Function(module, ir.FunctionType(result, arguments), name)
 
 
 class Loops:
@@ -96,6 +91,3 @@ class Loops:
     def least(self, x: ir.Value, y: ir.Value) -> ir.Value:
         """The smaller of two whole numbers."""
         return self.builder.select(self.builder.icmp_signed("<", x, y), x, y)
-
-
-__all__ = ["BUFFERS", "DOUBLE", "INT", "LONG", "POINTER", "VOID", "Loops"]

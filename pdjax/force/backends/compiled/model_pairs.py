@@ -66,7 +66,8 @@ class ModelPairs:
         self.numbers = [_vector(x, self.dtype) for x in numbers]
         self.constants = [row for constant in self.varying.rows for row in constant]
         self.rows = [*self.constants, *([layout.volumes] if layout.volume is None else [])]
-        self.rows += [horizon] if horizon.ndim else []
+        self.horizons = [horizon] if horizon.ndim else []  # a row, if it varies
+        self.rows += self.horizons
         # Whether a bond is the same seen from its other end, and whether sums of the two ends differ in sign at most.
         self.alike = layout.symmetric and horizon.ndim == 0 and not self.varying
         self.mirrored = self.alike and layout.volume is not None
@@ -132,30 +133,34 @@ class ModelPairs:
 
         return self._known(which, lambda: self._program(function, self.dim + len(self.rows)))
 
-    def _of_sums(self, method: str) -> tuple[PairProgram, PyTreeDef, list[tuple[int, ...]]]:
-        """A method of the model that takes the sums, as a program of one point; structure and shapes of its result."""
+    def _sums(self) -> tuple[int, Callable[[Scalars], tuple]]:
+        """The number of scalars in both sums of a point, and a function that makes both sums from a list of them."""
         kinds = [sizes_of_moments(self.single, k, self.dim, self.dtype) for k in (0, 1)]
         a, b = (sum(int(np.prod(s)) for s in shapes) for _, shapes in kinds)
+        return a + b, lambda x: (trees(*kinds[0], x[:a]), trees(*kinds[1], x[a : a + b]))
+
+    def _of_sums(self, method: str) -> tuple[PairProgram, PyTreeDef, list[tuple[int, ...]]]:
+        """A method of the model that takes the sums, as a program of one point; structure and shapes of its result."""
+        count, sums_of = self._sums()
         found: list = []
 
         def of(constants, reference, deformed, horizon):
             return getattr(self._model(*constants), method)(Sums(reference, deformed, horizon, self.dim))
 
         def function(here, there, xi, omega, back, shared):
-            constants = self._constants(shared[0], here[a + b : a + b + len(self.constants)])
-            horizon = one_entry(here[-1] if self.horizon.ndim else shared[1][-1])
-            sums = (trees(*kind, x) for kind, x in zip(kinds, (here[:a], here[a : a + b]), strict=True))
-            result = by_components(of, self.dtype)(constants, *sums, horizon)
+            constants = self._constants(shared[0], here[count : count + len(self.constants)])
+            horizon = one_entry(here[-1] if self.horizons else shared[1][-1])
+            result = by_components(of, self.dtype)(constants, *sums_of(here), horizon)
             found[:] = jax.tree.structure(result), [x.shape for x in jax.tree.leaves(result)]
             mine = [jnp.asarray(x, self.dtype) for x in entries(result)]
             return mine, [jnp.zeros((), self.dtype)] * len(mine)
 
-        rows = a + b + len(self.constants) + (1 if self.horizon.ndim else 0)
+        rows = count + len(self.constants) + len(self.horizons)
         return self._known(method, lambda: (self._program(function, rows), *found))
 
     def _at_points(self, program: PairProgram, reference: list[Array], deformed: list[Array]) -> list[Array]:
         """The results of a program of `_of_sums`, one row for each entry."""
-        rows = [*reference, *deformed, *self.constants, *([self.horizon] if self.horizon.ndim else [])]
+        rows = [*reference, *deformed, *self.constants, *self.horizons]
         return pair_sum(program, "points", (self.layout.each,), rows, self.numbers) if program.outs else []
 
     def force_program(self, structure: PyTreeDef, shapes: list[tuple[int, ...]]) -> PairProgram:
@@ -201,8 +206,8 @@ class ModelPairs:
         sums = self.moments(0, [jnp.zeros_like(self.layout.volumes)] * self.dim)
         if not sums:
             return []
-        empty, rest = self.layout.rest(jnp.stack(sums), self.horizon)
-        return list(with_rest(self.single, jnp.stack(sums), empty, rest))
+        stacked = jnp.stack(sums)
+        return list(with_rest(self.single, stacked, *self.layout.rest(stacked, self.horizon)))
 
     def states(self, reference: list[Array], deformed: list[Array]) -> tuple:
         """The point states from both sums: structure, shapes, and one row for each entry."""
@@ -216,8 +221,7 @@ class ModelPairs:
 
     def bond_energy_program(self) -> PairProgram:
         """The part of W that belongs to a bond, from the sums of its end, which come behind u."""
-        kinds = [sizes_of_moments(self.single, k, self.dim, self.dtype) for k in (0, 1)]
-        a, b = (sum(int(np.prod(s)) for s in shapes) for _, shapes in kinds)
+        count, sums_of = self._sums()
 
         def of(constants, reference, deformed, bond):
             sums = Sums(reference, deformed, bond.horizon, self.dim)
@@ -226,12 +230,11 @@ class ModelPairs:
         def function(near, far, *pair):
             out = []
             for end, (constants, bond) in zip((near, far), self._ends(near, far, *pair), strict=True):
-                own = end[self.dim : self.dim + a], end[self.dim + a : self.dim + a + b]
-                sums = (trees(*kind, x) for kind, x in zip(kinds, own, strict=True))
+                sums = sums_of(end[self.dim :])
                 out.append(entries(by_components(of, self.dtype)(constants, *sums, bond)))
             return tuple(out)
 
-        return self._known("bond energy", lambda: self._program(function, self.dim + a + b + len(self.rows)))
+        return self._known("bond energy", lambda: self._program(function, self.dim + count + len(self.rows)))
 
     def energies(self, reference: list[Array], u: Float[Array, "points dim"]) -> Float[Array, " points"] | None:
         """W of every point, or None if the model defines no `energy_of_sums` and no `energy_of_bond`."""
